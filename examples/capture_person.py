@@ -1,9 +1,9 @@
 #!/usr/bin/python3
-"""Captures a person from one picture with an exported Doppel pose file. Needs PyTorch and NumPy and nothing of Doppel.
+"""Captures a person from one image with an exported Doppel pose file. Needs PyTorch and NumPy and nothing of Doppel.
 
-    capture_person.py pose.pt picture.ppm view.txt OUT
+    capture_person.py pose.pt image.ppm view.txt OUT
 
-picture.ppm is what the camera saw without lens distortion, black where the person is not. view.txt holds lines of words and
+image.ppm is what the camera saw without lens distortion, black where the person is not. view.txt holds lines of words and
 numbers, in any order:
 
     intrinsics    9 numbers, row by row
@@ -12,7 +12,7 @@ numbers, in any order:
     keypoint NAME x y confidence       any number of these; names are the file's landmark_names
 
 Writes OUT.obj, the surface, and OUT.motion, the pose. With a camera and keypoints both are in the world, and OUT.ppm shows
-vertices and landmarks over the picture; without, the person stands at the origin.
+vertices and landmarks over the image; without, the person stands at the origin.
 """
 import io
 import json
@@ -27,7 +27,7 @@ def read_ppm(path):
     with open(path, "rb") as file:
         magic, size, largest = file.readline().strip(), file.readline().split(), file.readline().strip()
         if magic != b"P6" or largest != b"255":
-            sys.exit(f"{path} is not a binary PPM picture (P6, 255) without comments")
+            sys.exit(f"{path} is not a binary PPM image (P6, 255) without comments")
         width, height = map(int, size)
         return np.frombuffer(file.read(), np.uint8, 3 * width * height).reshape(height, width, 3).copy()
 
@@ -47,26 +47,26 @@ def read_view(path):
     return view, keypoints
 
 
-def window_of(picture, keypoints, about):
+def window_of(image, keypoints, about):
     """Left, top and side of the square that the network sees: around the keypoints that count, or, with fewer than four, around
     the pixels that are not black."""
     points = np.array([p[:2] for p in keypoints.values() if p[2] >= about["window_confidence"]], np.float32)
     if len(points) < 4:
-        y, x = np.nonzero(picture.any(2))
+        y, x = np.nonzero(image.any(2))
         if len(x) == 0:
-            sys.exit("the picture is black: there is nobody to capture")
+            sys.exit("the image is black: there is nobody to capture")
         points = np.array([[x.min(), y.min()], [x.max() + 1, y.max() + 1]], np.float32)
     low, high = points.min(0), points.max(0)
     side = (1 + 2 * about["margin"]) * (high - low).max()
     return (*(low + high - side) / 2, side)
 
 
-def crop(picture, left, top, side, size):
-    """The window as [1,3,size,size], 0..1: means of evenly spread points, bilinear, black beyond the picture."""
+def crop(image, left, top, side, size):
+    """The window as [1,3,size,size], 0..1: means of evenly spread points, bilinear, black beyond the image."""
     step = side / size
     n = max(1, int(np.ceil(step)))
     offsets = (np.arange(size * n) + 0.5) * step / n - 0.5
-    padded = np.pad(picture.astype(np.float32) / 255, ((1, 1), (1, 1), (0, 0)))
+    padded = np.pad(image.astype(np.float32) / 255, ((1, 1), (1, 1), (0, 0)))
 
     def bilinear(values, at, axis):
         low = np.floor(at).astype(int)
@@ -80,29 +80,29 @@ def crop(picture, left, top, side, size):
     return torch.from_numpy(means.transpose(2, 0, 1)[None].astype(np.float32))
 
 
-def draw_points(picture, points, view, radius, share, colour):
+def draw_points(image, points, view, radius, share, colour):
     """Mixes a colour into the pixels around the projections of points [n,3]."""
     pixels = (points @ view["rotation"][0].T + view["translation"][0]) @ view["intrinsics"][0].T
-    height, width = picture.shape[:2]
+    height, width = image.shape[:2]
     for u, v, z in pixels.tolist():
         if z <= 0:
             continue
         x, y = int(np.floor(u / z)), int(np.floor(v / z))
-        part = picture[max(0, y - radius) : max(0, y + radius + 1), max(0, x - radius) : max(0, x + radius + 1)]
+        part = image[max(0, y - radius) : max(0, y + radius + 1), max(0, x - radius) : max(0, x + radius + 1)]
         part[:] = np.floor((1 - share) * part + share * np.array(colour) + 0.5)
 
 
 def main():
-    pose_path, picture_path, view_path, out = sys.argv[1:5]
+    pose_path, image_path, view_path, out = sys.argv[1:5]
     extra = {"metadata.json": "", "faces.npy": ""}
     torch.jit.set_fusion_strategy([])  # with the fuser of PyTorch 2.6, the second call does not return
     pose = torch.jit.load(pose_path, _extra_files=extra)
     about = json.loads(extra["metadata.json"])
     if "doppel_pose" not in about:
         sys.exit(f"{pose_path} is not a pose file")
-    picture = read_ppm(picture_path)
+    image = read_ppm(image_path)
     view, keypoints = read_view(view_path)
-    person = crop(picture, *window_of(picture, keypoints, about), about["input_size"])
+    person = crop(image, *window_of(image, keypoints, about), about["input_size"])
     placed = bool(keypoints) and "intrinsics" in view and "translation" in view
 
     with torch.no_grad():
@@ -125,10 +125,10 @@ def main():
     if placed:
         if not valid.item():
             print("the keypoints do not determine where the person is")
-        draw_points(picture, vertices[0], view, 0, 0.5, (80, 160, 255))
-        draw_points(picture, landmarks[0], view, 1, 1.0, (255, 60, 40))
+        draw_points(image, vertices[0], view, 0, 0.5, (80, 160, 255))
+        draw_points(image, landmarks[0], view, 1, 1.0, (255, 60, 40))
         with open(out + ".ppm", "wb") as file:
-            file.write(b"P6\n%d %d\n255\n" % (picture.shape[1], picture.shape[0]) + picture.tobytes())
+            file.write(b"P6\n%d %d\n255\n" % (image.shape[1], image.shape[0]) + image.tobytes())
 
 
 if __name__ == "__main__":

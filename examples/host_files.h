@@ -1,5 +1,5 @@
 // What the example hosts read and write besides TorchScript: numbers out of an exported file's extra files, and
-// pictures in PPM format.
+// images in PPM format.
 #pragma once
 
 #include <cstdint>
@@ -43,37 +43,37 @@ std::vector<T> numbers(const std::string& npy) {
 }
 
 /// Red, green, blue, row by row.
-struct Picture {
+struct Image {
   int width = 0, height = 0;
   std::vector<uint8_t> rgb;
 
-  Picture() = default;
-  Picture(int width_in, int height_in, uint8_t grey)
+  Image() = default;
+  Image(int width_in, int height_in, uint8_t grey)
       : width(width_in), height(height_in), rgb(size_t(3) * width * height, grey) {}
   uint8_t* at(int x, int y) { return &rgb[3 * (size_t(y) * width + x)]; }
   const uint8_t* at(int x, int y) const { return &rgb[3 * (size_t(y) * width + x)]; }
 };
 
-inline Picture read_ppm(const std::string& path) {
+inline Image read_ppm(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   std::string magic;
-  Picture picture;
+  Image image;
   int largest = 0;
-  in >> magic >> picture.width >> picture.height >> largest;
+  in >> magic >> image.width >> image.height >> largest;
   in.get();  // the one white space before the pixels
-  if (!in || magic != "P6" || largest != 255 || picture.width < 1 || picture.height < 1 || picture.width > 32768 ||
-      picture.height > 32768)
-    throw std::runtime_error(path + " is not a binary PPM picture (P6, 255) without comments");
-  picture.rgb.resize(size_t(3) * picture.width * picture.height);
-  if (!in.read(reinterpret_cast<char*>(picture.rgb.data()), static_cast<std::streamsize>(picture.rgb.size())))
+  if (!in || magic != "P6" || largest != 255 || image.width < 1 || image.height < 1 || image.width > 32768 ||
+      image.height > 32768)
+    throw std::runtime_error(path + " is not a binary PPM image (P6, 255) without comments");
+  image.rgb.resize(size_t(3) * image.width * image.height);
+  if (!in.read(reinterpret_cast<char*>(image.rgb.data()), static_cast<std::streamsize>(image.rgb.size())))
     throw std::runtime_error(path + " ends before its last pixel");
-  return picture;
+  return image;
 }
 
-inline void write_ppm(const std::string& path, const Picture& picture) {
+inline void write_ppm(const std::string& path, const Image& image) {
   std::ofstream out(path, std::ios::binary);
-  out << "P6\n" << picture.width << " " << picture.height << "\n255\n";
-  out.write(reinterpret_cast<const char*>(picture.rgb.data()), static_cast<std::streamsize>(picture.rgb.size()));
+  out << "P6\n" << image.width << " " << image.height << "\n255\n";
+  out.write(reinterpret_cast<const char*>(image.rgb.data()), static_cast<std::streamsize>(image.rgb.size()));
   if (!out) throw std::runtime_error(path + " cannot be written");
 }
 

@@ -2,7 +2,7 @@
 """Poses an exported Doppel actor from Python, and draws it if it has a dynamic texture. Needs PyTorch and NumPy and nothing of
 Doppel.
 
-    play_actor.py actor.pt poseAngles.motion vertices.npy [picture.ppm]
+    play_actor.py actor.pt poseAngles.motion vertices.npy [image.ppm]
 """
 import io
 import json
@@ -27,7 +27,7 @@ def draw(vertices, texture, projection, faces, uvs, face_uvs):
     """A z-buffer: [SIZE,SIZE,3] bytes. texture [T,T,3], row 0 at v = 1."""
     screen = vertices @ projection[:, :3].T + projection[:, 3]
     depth = np.full((SIZE, SIZE), np.inf)
-    picture = np.full((SIZE, SIZE, 3), 230, np.uint8)
+    image = np.full((SIZE, SIZE, 3), 230, np.uint8)
     for face, face_uv in zip(faces, face_uvs):
         z = screen[face, 2]
         u, v = screen[face, 0] / z, screen[face, 1] / z
@@ -46,8 +46,8 @@ def draw(vertices, texture, projection, faces, uvs, face_uvs):
         texel = np.clip((uv * [1, -1] + [0, 1]) * len(texture), 0, len(texture) - 1).astype(int)
         depth[y0:y1, x0:x1][nearer] = at[nearer]
         colour = np.clip(texture[texel[..., 1], texel[..., 0]], 0, 1)
-        picture[y0:y1, x0:x1][nearer] = np.rint(255 * colour[nearer])
-    return picture
+        image[y0:y1, x0:x1][nearer] = np.rint(255 * colour[nearer])
+    return image
 
 
 def main():
@@ -69,9 +69,9 @@ def main():
             projection = look_at(vertices[-1])
             posed, texture = actor.textured(windows[-1:], projection)
             arrays = [np.load(io.BytesIO(extra[name])) for name in ("faces.npy", "uvs.npy", "face_uvs.npy")]
-            picture = draw(posed[0].numpy(), texture[0].numpy(), projection[0].numpy(), *arrays)
+            image = draw(posed[0].numpy(), texture[0].numpy(), projection[0].numpy(), *arrays)
             with open(sys.argv[4], "wb") as file:
-                file.write(b"P6\n%d %d\n255\n" % (SIZE, SIZE) + picture.tobytes())
+                file.write(b"P6\n%d %d\n255\n" % (SIZE, SIZE) + image.tobytes())
 
 
 if __name__ == "__main__":

@@ -3,9 +3,9 @@
     blender --background --factory-startup --python scripts/check_blender.py -- FILE.glb ...
 
 With camera.json beside a file, Blender also draws the textured surface without light in the same frames, and its
-pictures are compared with those of `--format png --camera camera.json --light flat --background '#00ff00'`.
+images are compared with those of `--format png --camera camera.json --light flat --background '#00ff00'`.
 
-Exit code 1: the vertices of a frame are more than 2 mm off on average, one is more than 8 mm off, or a picture has an
+Exit code 1: the vertices of a frame are more than 2 mm off on average, one is more than 8 mm off, or an image has an
 IoU below .99 or a PSNR below 30 dB inside of the silhouette.
 """
 import json
@@ -124,27 +124,27 @@ def check(path):
     bpy.ops.import_scene.gltf(filepath=path, merge_vertices=False)
     figure = next(item for item in bpy.data.objects
                   if item.type == "MESH" and any(m.type == "ARMATURE" for m in item.modifiers))
-    truth = np.load(os.path.join(os.path.dirname(path), "vertices.npy"))
+    ground_truth = np.load(os.path.join(os.path.dirname(path), "vertices.npy"))
     index, duration = template_vertices(path)
     scene = bpy.context.scene
     mean, worst, cover, psnr = 0.0, 0.0, 1.0, np.inf
     camera_file = os.path.join(os.path.dirname(path), "camera.json")
-    pictures = os.path.exists(camera_file) and show_texture_alone(figure)
-    if pictures:
+    images = os.path.exists(camera_file) and show_texture_alone(figure)
+    if images:
         set_camera(scene, json.load(open(camera_file))["cam0"])
         set_renderer(scene)
     for i in range(FRAMES):
-        frame = round(i * (len(truth) - 1) / (FRAMES - 1))
-        time = duration * frame / (len(truth) - 1) * scene.render.fps / scene.render.fps_base
+        frame = round(i * (len(ground_truth) - 1) / (FRAMES - 1))
+        time = duration * frame / (len(ground_truth) - 1) * scene.render.fps / scene.render.fps_base
         scene.frame_set(int(time), subframe=time - int(time))
-        off = 1000 * np.linalg.norm(posed_vertices(figure) - truth[frame][index], axis=1)
+        off = 1000 * np.linalg.norm(posed_vertices(figure) - ground_truth[frame][index], axis=1)
         mean, worst = max(mean, off.mean()), max(worst, off.max())
-        if pictures:
+        if images:
             found = difference(scene, os.path.join(os.path.dirname(path), f"camera_0_{frame:06d}.png"))
             cover, psnr = min(cover, found[0]), min(psnr, found[1])
     print(f"{path}: Blender {bpy.app.version_string}: {mean:.3f} mm off on average, {worst:.2f} mm at most")
-    if pictures:
-        print(f"{path}: worst picture: IoU {cover:.4f}, PSNR {psnr:.1f} dB inside of the silhouette")
+    if images:
+        print(f"{path}: worst image: IoU {cover:.4f}, PSNR {psnr:.1f} dB inside of the silhouette")
     return mean <= MEAN_LIMIT and worst <= WORST_LIMIT and cover >= COVER_LIMIT and psnr >= PSNR_LIMIT
 
 

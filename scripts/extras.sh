@@ -5,7 +5,7 @@
 #     geometry   EGNet, its inputs and its masks: AMVIoU in all cameras
 #     training   EGNet, the weights of its losses and what keeps it from overfitting: AMVIoU in all cameras
 #     texture    TexNet on the chain of the thesis: MSE in the mask
-#     hybrid     the hybrid on that chain, three frames: PSNR, SSIM, AMVIoU and distance from the truth in new cameras
+#     hybrid     the hybrid on that chain, three frames: PSNR, SSIM, AMVIoU and distance from the ground truth in new cameras
 # CAMERAS=0,1,2,3,4,5 (the default) are trained on. SEEDS="1 2 3" (the default). STEPS=1500 (the default) are the steps of
 # EGNet. HELD_OUT=6,7 (the default) are the new cameras of the hybrid, SHARE=1 (the default) is the share of its steps that
 # is made. JOBS=2 (the default) runs are trained side by side, with one thread and up to 5 GB each.

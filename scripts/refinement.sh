@@ -27,7 +27,7 @@ variant() {
 
 geometry() { echo "{$1.json $2 seen_distance_mm 2} | {$1.json $2 surface_distance_mm 2} | {$1.json $2 Hausdorff_mm 1} | {$1.json $2 AMVIoU 4}"; }
 cloud() { printf ' {%s.json cloud %s 2} |' "$1" surface_distance_mm "$1" median_mm "$1" noise_mm "$1" p99_mm "$1" points; }
-pictures() { echo "{three.json $1 PSNR 2} | {three.json $1 SSIM 4} | {three.json $1 seconds 2}"; }
+image_scores() { echo "{three.json $1 PSNR 2} | {three.json $1 SSIM 4} | {three.json $1 seconds 2}"; }
 
 # round FIELD REFINE VARIANCE: a round
 round() { echo "{field: $(steps "$1"), refine: $(steps "$2"), variance: $3}"; }
@@ -53,9 +53,9 @@ all_done
   echo "| two rounds |$(cloud two)"
   echo "| three rounds |$(cloud three)"
   echo
-  echo "| novel views | PSNR | SSIM | seconds a picture |"
+  echo "| novel views | PSNR | SSIM | seconds an image |"
   echo "|---|---:|---:|---:|"
-  echo "| dynamic texture | $(pictures texnet) |"
-  echo "| field without a mesh | $(pictures nerf) |"
-  echo "| field around the mesh | $(pictures radiance) |"
+  echo "| dynamic texture | $(image_scores texnet) |"
+  echo "| field without a mesh | $(image_scores nerf) |"
+  echo "| field around the mesh | $(image_scores radiance) |"
 } | write_table refinement "scripts/refinement.sh ablations"

@@ -474,8 +474,8 @@ void add_camera_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--turns-per-second", options.turns_per_second, "Speed of the orbiting camera")->capture_default_str();
 }
 
-void add_picture_options(CLI::App& app, AnimateOptions& options) {
-  app.option_defaults()->group("Pictures (--format mp4, png)");
+void add_image_options(CLI::App& app, AnimateOptions& options) {
+  app.option_defaults()->group("Images (--format mp4, png)");
   app.add_option("--background", options.background, "An image, a colour (#rrggbb or a word), or `capture`");
   app.add_option("--beside", options.beside,
                  "Footage of the same frames, a video or images NAME_{frame}.png, to the left of the drawn ones");
@@ -520,7 +520,7 @@ Command add_animate(CLI::App& program) {
   add_actor_options(*app, *options);
   add_motion_options(*app, *options);
   add_camera_options(*app, *options);
-  add_picture_options(*app, *options);
+  add_image_options(*app, *options);
   add_figure_options(*app, *options);
   app->option_defaults()->group(usual_group);
   app->footer(

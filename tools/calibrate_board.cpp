@@ -179,7 +179,7 @@ int run_board(const BoardArguments& arguments, const CommonOptions& common) {
   for (const BoardCamera& camera : found.cameras)
     if (camera.posed || !any_posed) cameras.push_back(camera.intrinsics.camera);
   if (!any_posed)
-    found.notes.emplace_back("the file holds intrinsics, with all cameras in one place");
+    found.notes.emplace_back("the file holds intrinsics, with all cameras in one position");
   else if (cameras.size() < found.cameras.size())
     found.notes.emplace_back("cameras without a pose are not in the file");
   write_calibration(arguments.out, cameras, arguments.format);

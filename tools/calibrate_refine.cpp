@@ -56,7 +56,7 @@ std::vector<int> indices_of(const std::vector<std::string>& names, const RigFoot
   return indices;
 }
 
-/// All cameras of the calibration file, with those that were refined in their places.
+/// All cameras of the calibration file, with those that were refined in their positions.
 std::vector<Camera> all_cameras(const RigFootage& footage, const std::vector<Camera>& refined) {
   std::vector<Camera> all = calibrated_cameras(footage.capture);
   for (std::size_t c = 0; c < refined.size(); ++c) all[footage.filmed.file_index[c]] = refined[c];

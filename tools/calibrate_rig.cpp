@@ -16,8 +16,8 @@ namespace doppel::tools {
 
 namespace {
 
-constexpr double kLeastConfidence = 0.1;
-constexpr long kMostFirstOutlines = 1500;
+constexpr double kMinConfidence = 0.1;
+constexpr long kMaxFirstOutlines = 1500;
 
 /// The frames of a camera between which the times lie.
 std::set<long> frames_around(const CameraTrack& track, const std::vector<double>& times) {
@@ -74,7 +74,7 @@ RigFootage open_rig_footage(const std::filesystem::path& path, const std::string
 
 void read_tracks(RigFootage& footage) {
   footage.tracks = read_tracks_of_rough_rig(footage.capture, footage.entry(), footage.filmed);
-  drop_unusable(footage.tracks, kLeastConfidence);
+  drop_unusable(footage.tracks, kMinConfidence);
 }
 
 std::vector<OutlineTrack> read_outlines(const RigFootage& footage, const std::vector<double>& times) {
@@ -87,7 +87,7 @@ std::vector<OutlineTrack> read_first_outlines(const RigFootage& footage) {
   std::vector<std::set<long>> frames;
   for (const CameraTrack& track : footage.tracks.cameras) {
     std::set<long>& of_camera = frames.emplace_back();
-    for (long frame = 0; frame < std::min(track.num_frames(), kMostFirstOutlines); ++frame) of_camera.insert(frame);
+    for (long frame = 0; frame < std::min(track.num_frames(), kMaxFirstOutlines); ++frame) of_camera.insert(frame);
   }
   return outlines_of(footage, frames);
 }

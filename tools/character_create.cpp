@@ -96,7 +96,7 @@ Command add_character_create(CLI::App& character) {
   app->add_option("--unit", options->unit, "Unit of the file: m, cm, mm, inch, ... (default: found by the height)");
   app->add_option("--up", options->up, "Axis of the file that points up: y, +z, -x, ... (default: found by the shape)");
   app->add_option("--joints", options->joints,
-                  "File of joints in the scan's coordinates, as joints.json (default: found in pictures of the scan)");
+                  "File of joints in the scan's coordinates, as joints.json (default: found in images of the scan)");
   app->add_option("--vertices", options->vertices, "Largest number of vertices of the template")
       ->check(CLI::Range(500, 1000000))
       ->capture_default_str();

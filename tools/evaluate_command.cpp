@@ -297,7 +297,7 @@ Command add_evaluate(CLI::App& program) {
   app->add_option("--tracked", arguments->tracked,
                   "Output folder of `doppel track` to evaluate against the poses, surfaces and masks of --capture");
   app->add_option("--error-maps", arguments->options.error_maps,
-                  "With --tracked: folder for pictures of where the surface is nearer to the true one than skinning");
+                  "With --tracked: folder for images of where the surface is nearer to the true one than skinning");
   app->add_option("--smoothing", arguments->options.smoothing,
                   "With --tracked: sigma, in frames, of the Gaussian over five frames (0: none)")
       ->capture_default_str()

@@ -27,7 +27,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 struct InfoOptions {
-  std::string path, bone_rule = "exact", metric = "hops", unit, up, picture, keys;
+  std::string path, bone_rule = "exact", metric = "hops", unit, up, image, keys;
   double metres_per_unit = 0.001;
   bool verbose = false, versions = false;
 };
@@ -279,10 +279,10 @@ struct Report {
 Report report_calibration(const InfoOptions& options) {
   const Calibration calibration = load_calibration(options.path, {options.unit, options.up});
   Report report(describe_calibration(calibration), calibration_text(calibration));
-  if (options.picture.empty()) return report;
+  if (options.image.empty()) return report;
   if (!calibration.has_poses) fail<UsageError>("--picture: {} holds intrinsics only", options.path);
-  write_image(options.picture, draw_camera_plan(calibration.cameras));
-  report.json["picture"] = options.picture;
+  write_image(options.image, draw_camera_plan(calibration.cameras));
+  report.json["picture"] = options.image;
   return report;
 }
 
@@ -455,8 +455,7 @@ Command add_info(CLI::App& program) {
   app->add_option("--unit", options->unit, "Unit of a calibration, if the file does not state it: m, cm or mm");
   app->add_option("--up", options->up,
                   "Axis of a calibration that points up, if the file does not state it: +x ... -z");
-  app->add_option("--picture", options->picture,
-                  "Picture of a calibration's cameras from above and from the side (.png)");
+  app->add_option("--picture", options->image, "Image of a calibration's cameras from above and from the side (.png)");
   app->add_flag("--verbose", options->verbose, "List every DoF with its limits and every bone with its joint");
   app->add_flag("--versions", options->versions,
                 "Describe this program instead of a file: versions, compiler, instruction set, threads")

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr int kShardFormat = 1;
-constexpr std::size_t kMostShardDepth = 50;
+constexpr std::size_t kMaxShardDepth = 50;
 
 ShardFile shard_from_json(const Json& node, const fs::path& path) {
   if (node.at("doppel_shard") != kShardFormat)
@@ -83,9 +83,9 @@ ShardFile read_shard_file(const fs::path& folder) {
   const fs::path path = folder / kShardFile;
   const std::string text = read_file(path);
   // Copies of a JSON value call themselves for each level.
-  if (is_json_deeper_than(text, kMostShardDepth))
+  if (is_json_deeper_than(text, kMaxShardDepth))
     fail<UsageError>("{} cannot be read as a shard: its lists and objects are nested more than {} deep", path.string(),
-                     kMostShardDepth);
+                     kMaxShardDepth);
   try {
     return shard_from_json(Json::parse(text), path);
   } catch (const Json::exception& e) {

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uintmax_t kLargestWithChecksum = std::uintmax_t{256} << 20;
+constexpr std::uintmax_t kMaxChecksumBytes = std::uintmax_t{256} << 20;
 
 std::uint32_t checksum_of(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
@@ -32,7 +32,7 @@ std::uint32_t checksum_of(const fs::path& path) {
 std::string describe_file(const std::string& name, const fs::path& path, bool checksum) {
   if (!fs::is_regular_file(path)) return name;
   const std::uintmax_t bytes = fs::file_size(path);
-  if (!checksum || bytes > kLargestWithChecksum) return fmt::format("{}: {} bytes", name, bytes);
+  if (!checksum || bytes > kMaxChecksumBytes) return fmt::format("{}: {} bytes", name, bytes);
   return fmt::format("{}: {} bytes, checksum {:08x}", name, bytes, checksum_of(path));
 }
 

@@ -28,7 +28,7 @@ constexpr char kTrackExample[] =
 struct MultiviewArguments : TrackArguments {
   bool surface = false;
   bool scale_bones = false;      ///< the bone lengths are fitted first
-  bool place_landmarks = false;  ///< their places on the body are fitted first
+  bool place_landmarks = false;  ///< their positions on the body are fitted first
 };
 
 /// Tracks with the character whose bones have the person's lengths, which is written beside the motions.
@@ -93,7 +93,7 @@ void add_multiview_options(CLI::App& app, MultiviewArguments& arguments) {
           ->check(CLI::IsMember({"bones"}));
   app.add_flag("--place-landmarks", arguments.place_landmarks,
                "First find where on the body the detector sees its points, over many frames together, for this "
-               "person's body and a detector with other joints; the places are written to OUT/landmarks.csv")
+               "person's body and a detector with other joints; the positions are written to OUT/landmarks.csv")
       ->excludes(scale);
   add_vertices_option(app, arguments);
   add_sheet_option(app, arguments);

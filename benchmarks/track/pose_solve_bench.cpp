@@ -54,11 +54,11 @@ double cost_at(const PoseFrame& frame, const std::vector<double>& dofs) {
 }
 
 /// What a detector with 3 pixels and 20 mm of noise would say of a pose.
-PoseFrame observe(const PoseModel& model, const PinholeCamera& camera, const std::vector<double>& truth,
+PoseFrame observe(const PoseModel& model, const PinholeCamera& camera, const std::vector<double>& ground_truth,
                   const std::vector<double>& before, std::mt19937& random) {
   std::normal_distribution<double> normal;
-  PoseFrame frame{&model, {camera}, keypoints_of(model, {camera}, truth), {}, {}, {}, {}, before, before, {}};
-  const PosedBody now = model.pose(truth, false), then = model.pose(before, false);
+  PoseFrame frame{&model, {camera}, keypoints_of(model, {camera}, ground_truth), {}, {}, {}, {}, before, before, {}};
+  const PosedBody now = model.pose(ground_truth, false), then = model.pose(before, false);
   const LandmarkRoles roles = landmark_roles(model.landmarks());
   frame.landmark_weights = roles.detection;
   for (int m = 0; m < model.num_landmarks(); ++m) {
@@ -71,7 +71,7 @@ PoseFrame observe(const PoseModel& model, const PinholeCamera& camera, const std
     frame.joints.push_back({m, joint, 1.0});
     frame.previous.push_back({m, model.landmark(then, m), roles.steadiness[i]});
   }
-  frame.evidence[0].outline = OutlineField(mask_of(model, camera, truth), frame.options.outline_pixels);
+  frame.evidence[0].outline = OutlineField(mask_of(model, camera, ground_truth), frame.options.outline_pixels);
   const OutlineFinder finder(model.character(), {camera}, frame.options.outline_pixels, frame.options.outline_vertices);
   frame.outline = finder.find(frame.evidence, posed_vertices(model, then));
   return frame;

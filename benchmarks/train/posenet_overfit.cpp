@@ -57,14 +57,14 @@ doppel::PoseScores score(const Dataset& dataset, doppel::PoseNetStage& stage, co
   const Tensor rows = torch::tensor(doppel::common_joint_rows(names), torch::kInt64);
   doppel::Character character = doppel::load_character(dataset.character_path());
   const doppel::Landmarks landmarks(character.skeleton, dataset.landmarks());
-  std::vector<Tensor> found, truth;
+  std::vector<Tensor> found, ground_truth;
   for (const doppel::SampleId& sample : dataset.samples(doppel::Split::train)) {
     const doppel::Batch batch = person_batch(dataset, sample, options);
     found.push_back(stage.capture(batch).landmarks.index_select(1, rows));
-    truth.push_back(landmarks->forward(batch.dofs.select(1, -1).contiguous()).index_select(1, rows));
+    ground_truth.push_back(landmarks->forward(batch.dofs.select(1, -1).contiguous()).index_select(1, rows));
   }
   stage.model().train();
-  return doppel::compare_poses(torch::cat(found), torch::cat(truth));
+  return doppel::compare_poses(torch::cat(found), torch::cat(ground_truth));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A small triangle drawer for the example: z-buffer, perspective-correct texture, one picture in PPM format.
+// A small triangle drawer for the example: z-buffer, perspective-correct texture, one image in PPM format.
 #pragma once
 
 #include <torch/script.h>
@@ -31,8 +31,8 @@ inline torch::Tensor look_at(const torch::Tensor& vertices) {
 
 /// @param vertices [N,3] @param texture [T,T,3] RGB 0..1, row 0 at v = 1 @param projection [3,4]
 /// @param extra the actor's faces, uvs and face_uvs
-inline void write_picture(const std::string& path, const torch::Tensor& vertices, const torch::Tensor& texture,
-                          const torch::Tensor& projection, torch::jit::ExtraFilesMap& extra) {
+inline void write_image(const std::string& path, const torch::Tensor& vertices, const torch::Tensor& texture,
+                        const torch::Tensor& projection, torch::jit::ExtraFilesMap& extra) {
   const auto faces = host::numbers<int32_t>(extra["faces.npy"]),
              face_uvs = host::numbers<int32_t>(extra["face_uvs.npy"]);
   const auto uvs = host::numbers<float>(extra["uvs.npy"]);
@@ -43,7 +43,7 @@ inline void write_picture(const std::string& path, const torch::Tensor& vertices
   const auto colour = texels.accessor<float, 3>();
   const int side = static_cast<int>(texels.size(0));
   std::vector<float> depth(kSize * kSize, std::numeric_limits<float>::infinity());
-  host::Picture picture(kSize, kSize, 230);
+  host::Image image(kSize, kSize, 230);
   for (size_t f = 0; f + 2 < faces.size(); f += 3) {
     double u[3], v[3], z[3];
     for (int k = 0; k < 3; ++k) {
@@ -75,10 +75,10 @@ inline void write_picture(const std::string& path, const torch::Tensor& vertices
         depth[y * kSize + x] = static_cast<float>(1 / sum);
         const int column = std::clamp(int(s * side), 0, side - 1), row = std::clamp(int((1 - t) * side), 0, side - 1);
         for (int c = 0; c < 3; ++c)
-          picture.at(x, y)[c] = static_cast<uint8_t>(std::lround(255 * std::clamp(colour[row][column][c], 0.f, 1.f)));
+          image.at(x, y)[c] = static_cast<uint8_t>(std::lround(255 * std::clamp(colour[row][column][c], 0.f, 1.f)));
       }
   }
-  host::write_ppm(path, picture);
+  host::write_ppm(path, image);
 }
 
 }  // namespace draw

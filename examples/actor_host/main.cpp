@@ -1,7 +1,7 @@
 // Poses an exported Doppel actor, and draws it if it has a dynamic texture. Needs LibTorch and nothing else.
-//   actor_host actor.pt poseAngles.motion vertices.f32 [picture.ppm]
+//   actor_host actor.pt poseAngles.motion vertices.f32 [image.ppm]
 // writes the posed vertices of every frame as raw float32 [frames, vertices, 3] in metres, world space, and the last
-// frame as a picture.
+// frame as an image.
 #include <torch/script.h>
 
 #include <fstream>
@@ -54,9 +54,9 @@ int main(int argc, char** argv) {
 
     const torch::Tensor projection = draw::look_at(vertices[0]);
     const auto dressed = actor.get_method("textured")({rows, projection}).toTuple();
-    draw::write_picture(argv[4], dressed->elements()[0].toTensor()[0], dressed->elements()[1].toTensor()[0],
-                        projection[0], extra);
-    std::cout << "picture written to " << argv[4] << "\n";
+    draw::write_image(argv[4], dressed->elements()[0].toTensor()[0], dressed->elements()[1].toTensor()[0],
+                      projection[0], extra);
+    std::cout << "image written to " << argv[4] << "\n";
   } catch (const std::exception& e) {
     return std::cerr << "actor_host: " << e.what() << "\n", 1;
   }

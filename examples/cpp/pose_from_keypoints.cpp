@@ -32,7 +32,7 @@ int main() {
     const torch::Tensor seen = torch::matmul(cameras.slice(2, 0, 3), points.t()) + cameras.slice(2, 3, 4);
     return (seen.slice(1, 0, 2) / seen.slice(1, 2, 3)).transpose(1, 2);
   };
-  const torch::Tensor truth = torch::tensor({{0.7f, -0.4f, -0.9f}}), target = keypoints(truth);
+  const torch::Tensor ground_truth = torch::tensor({{0.7f, -0.4f, -0.9f}}), target = keypoints(ground_truth);
 
   const torch::Tensor dofs = torch::zeros({1, 3}).requires_grad_();
   torch::optim::Adam optimiser({dofs}, 0.05);
@@ -41,7 +41,7 @@ int main() {
     (keypoints(dofs) - target).square().mean().backward();
     optimiser.step();
   }
-  const double off = (dofs - truth).abs().max().item<double>();
+  const double off = (dofs - ground_truth).abs().max().item<double>();
   std::printf("the pose is off by %.5f radians at most\n", off);
   return off < 1e-2 ? 0 : 1;
 }

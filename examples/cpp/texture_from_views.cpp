@@ -17,9 +17,9 @@ int main() {
     return doppel::shade(vertices, texture, {}, cameras, mesh, kSize, kSize, albedo);
   };
   const torch::Tensor stripes = torch::arange(kTexels).div(4, "floor").remainder(2).to(torch::kFloat32);
-  const torch::Tensor truth =
+  const torch::Tensor ground_truth =
       (0.2 + 0.6 * stripes).view({1, 1, kTexels, 1}).expand({1, kTexels, kTexels, 3}).contiguous();
-  const doppel::ShadedImage target = draw(truth);
+  const doppel::ShadedImage target = draw(ground_truth);
 
   const torch::Tensor texture = torch::full({1, kTexels, kTexels, 3}, 0.5f).requires_grad_();
   torch::optim::Adam optimiser({texture}, 0.05);

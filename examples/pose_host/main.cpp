@@ -1,13 +1,13 @@
-// Captures a person from one picture with an exported Doppel pose file. Needs LibTorch and nothing else.
-//   pose_host pose.pt picture.ppm view.txt OUT
-// picture.ppm is what the camera saw without lens distortion, black where the person is not. view.txt holds lines of
+// Captures a person from one image with an exported Doppel pose file. Needs LibTorch and nothing else.
+//   pose_host pose.pt image.ppm view.txt OUT
+// image.ppm is what the camera saw without lens distortion, black where the person is not. view.txt holds lines of
 // words and numbers, in any order:
 //   intrinsics    9 numbers, row by row
 //   rotation      9 numbers, row by row: camera from world
 //   translation   3 numbers: camera from world, metres
 //   keypoint NAME x y confidence       any number of these; names are the file's landmark_names
 // Writes OUT.obj, the surface, and OUT.motion, the pose. With a camera and keypoints both are in the world, and OUT.ppm
-// shows vertices and landmarks over the picture; without, the person stands at the origin.
+// shows vertices and landmarks over the image; without, the person stands at the origin.
 #include <torch/script.h>
 
 #include <algorithm>
@@ -62,7 +62,7 @@ struct Window {
 };
 
 /// Around the keypoints that count, or, with fewer than four, around the pixels that are not black.
-Window window_of(const host::Picture& picture, const View& view, float threshold, float margin) {
+Window window_of(const host::Image& image, const View& view, float threshold, float margin) {
   constexpr float kFar = std::numeric_limits<float>::max();
   float low[2] = {kFar, kFar}, high[2] = {-kFar, -kFar};
   const auto include = [&](float x0, float y0, float x1, float y1) {
@@ -74,20 +74,20 @@ Window window_of(const host::Picture& picture, const View& view, float threshold
     if (point[2] >= threshold) include(point[0], point[1], point[0], point[1]), ++count;
   if (count < 4) {
     low[0] = low[1] = kFar, high[0] = high[1] = -kFar;
-    for (int y = 0; y < picture.height; ++y)
-      for (int x = 0; x < picture.width; ++x) {
-        const uint8_t* pixel = picture.at(x, y);
+    for (int y = 0; y < image.height; ++y)
+      for (int x = 0; x < image.width; ++x) {
+        const uint8_t* pixel = image.at(x, y);
         if (pixel[0] || pixel[1] || pixel[2]) include(x, y, x + 1, y + 1);
       }
   }
   const float longer = std::max(high[0] - low[0], high[1] - low[1]);
-  if (!(longer > 0)) throw std::runtime_error("the picture is black: there is nobody to capture");
+  if (!(longer > 0)) throw std::runtime_error("the image is black: there is nobody to capture");
   const float side = (1 + 2 * margin) * longer;
   return {(low[0] + high[0] - side) / 2, (low[1] + high[1] - side) / 2, side};
 }
 
-/// The window as [1,3,size,size], 0..1: means of evenly spread points, bilinear, black beyond the picture.
-torch::Tensor crop(const host::Picture& picture, const Window& window, int size) {
+/// The window as [1,3,size,size], 0..1: means of evenly spread points, bilinear, black beyond the image.
+torch::Tensor crop(const host::Image& image, const Window& window, int size) {
   torch::Tensor result = torch::zeros({1, 3, size, size});
   auto out = result.accessor<float, 4>();
   const float step = window.side / size;
@@ -96,9 +96,9 @@ torch::Tensor crop(const host::Picture& picture, const Window& window, int size)
     const int x = int(std::floor(u)), y = int(std::floor(v));
     for (int k = 0; k < 4; ++k) {
       const int px = x + k % 2, py = y + k / 2;
-      if (px < 0 || py < 0 || px >= picture.width || py >= picture.height) continue;
+      if (px < 0 || py < 0 || px >= image.width || py >= image.height) continue;
       const float share = (k % 2 ? u - x : 1 - u + x) * (k / 2 ? v - y : 1 - v + y) * weight / 255;
-      for (int c = 0; c < 3; ++c) out[0][c][row][column] += share * picture.at(px, py)[c];
+      for (int c = 0; c < 3; ++c) out[0][c][row][column] += share * image.at(px, py)[c];
     }
   };
   for (int row = 0; row < size; ++row)
@@ -121,7 +121,7 @@ torch::Tensor keypoint_tensor(const View& view, const std::vector<std::string>& 
 }
 
 /// Mixes a colour into the pixels around the projections of points [n,3].
-void draw_points(host::Picture& picture, const torch::Tensor& points, const View& view, int radius, float share,
+void draw_points(host::Image& image, const torch::Tensor& points, const View& view, int radius, float share,
                  const float (&colour)[3]) {
   const torch::Tensor in_camera = points.matmul(view.rotation[0].t()) + view.translation[0];
   const torch::Tensor pixels = in_camera.matmul(view.intrinsics[0].t()).contiguous();
@@ -131,9 +131,9 @@ void draw_points(host::Picture& picture, const torch::Tensor& points, const View
     if (!(p[i][2] > 0) || !(std::abs(u) < 1e6f) || !(std::abs(v) < 1e6f)) continue;
     for (int y = int(std::floor(v)) - radius; y <= int(std::floor(v)) + radius; ++y)
       for (int x = int(std::floor(u)) - radius; x <= int(std::floor(u)) + radius; ++x) {
-        if (x < 0 || y < 0 || x >= picture.width || y >= picture.height) continue;
+        if (x < 0 || y < 0 || x >= image.width || y >= image.height) continue;
         for (int c = 0; c < 3; ++c) {
-          uint8_t& value = picture.at(x, y)[c];
+          uint8_t& value = image.at(x, y)[c];
           value = uint8_t(std::lround((1 - share) * value + share * colour[c]));
         }
       }
@@ -171,13 +171,13 @@ int main(int argc, char** argv) {
     const std::string& about = extra["metadata.json"];
     if (about.find("\"doppel_pose\"") == std::string::npos)
       throw std::runtime_error(std::string(argv[1]) + " is not a pose file");
-    host::Picture picture = host::read_ppm(argv[2]);
+    host::Image image = host::read_ppm(argv[2]);
     const View view = read_view(argv[3]);
     const std::string out = argv[4];
 
-    const Window window = window_of(picture, view, float(host::number_in(about, "window_confidence")),
+    const Window window = window_of(image, view, float(host::number_in(about, "window_confidence")),
                                     float(host::number_in(about, "margin")));
-    const torch::Tensor person = crop(picture, window, int(host::number_in(about, "input_size")));
+    const torch::Tensor person = crop(image, window, int(host::number_in(about, "input_size")));
     std::vector<torch::jit::IValue> inputs{person, view.rotation};
     if (view.placed())
       inputs = {person, view.intrinsics, view.rotation, view.translation,
@@ -190,9 +190,9 @@ int main(int argc, char** argv) {
     std::cout << vertices.size(0) << " vertices written to " << out << ".obj\n";
     if (!view.placed()) return 0;
     if (!result[3].toTensor().item<bool>()) std::cout << "the keypoints do not determine where the person is\n";
-    draw_points(picture, vertices, view, 0, .5f, {80, 160, 255});
-    draw_points(picture, landmarks, view, 1, 1.f, {255, 60, 40});
-    host::write_ppm(out + ".ppm", picture);
+    draw_points(image, vertices, view, 0, .5f, {80, 160, 255});
+    draw_points(image, landmarks, view, 1, 1.f, {255, 60, 40});
+    host::write_ppm(out + ".ppm", image);
   } catch (const std::exception& e) {
     return std::cerr << "pose_host: " << e.what() << "\n", 1;
   }

@@ -39,7 +39,7 @@ BoneScales::BoneScales(const Character& character)
     const int parent = joints[j].parent;
     const double length = joints[j].offset.norm();
     group_[j] = parent >= 0 && length == 0.0 ? group_[parent] : static_cast<int>(j);
-    if (parent < 0 || length < kShortest) continue;
+    if (parent < 0 || length < kMinLength) continue;
     const std::string name = without_side(bone_name(joints[j].name));
     const auto [entry, added] = parameter_of.emplace(name, num_parameters());
     if (added) parameters_.push_back({name, 1.0, 0.1, 0.4, 2.5});
@@ -48,7 +48,7 @@ BoneScales::BoneScales(const Character& character)
     bones_.push_back(
         {static_cast<int>(j), entry->second, start.translation(), start.linear() * joints[j].offset / length, length});
   }
-  if (bones_.empty()) fail("{} has no bone of {} m or more whose length could be scaled", character.name, kShortest);
+  if (bones_.empty()) fail("{} has no bone of {} m or more whose length could be scaled", character.name, kMinLength);
 }
 
 /// How the bones that start at a group move a point of the group, without the motion of the group itself.

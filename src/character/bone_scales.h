@@ -15,7 +15,7 @@ namespace doppel {
 class BoneScales : public ShapeFamily {
  public:
   /// Bones shorter than this have no factor, metres.
-  static constexpr double kShortest = 0.03;
+  static constexpr double kMinLength = 0.03;
 
   explicit BoneScales(const Character& character);
 
@@ -36,7 +36,7 @@ class BoneScales : public ShapeFamily {
   Character character_;
   std::vector<ShapeParameter> parameters_;
   std::vector<Eigen::Affine3d> rest_;          ///< [J] world from joint
-  std::vector<int> group_;                     ///< [J] the first of the joints that share one place and one motion
+  std::vector<int> group_;                     ///< [J] the first of the joints that share one position and one motion
   std::vector<Bone> bones_;                    ///< ascending in their joints
   std::vector<std::vector<int>> group_bones_;  ///< [J] bones that start at the group
 };

@@ -53,8 +53,8 @@ class BvhReader {
     return word_++;
   }
   std::string_view next_word(const char* expected) {
-    const std::size_t place = next(expected);
-    return text_.tokens()[place];
+    const std::size_t token = next(expected);
+    return text_.tokens()[token];
   }
 
   void read_hierarchy() {
@@ -122,8 +122,8 @@ class BvhReader {
     if (std::exchange(open_.back().has_offset, true))
       text_.fail_here("the joint '{}' has a second OFFSET", excerpt(joint().name));
     for (int axis = 0; axis < 3; ++axis) {
-      const std::size_t place = next("three numbers");
-      joint().offset[axis] = text_.length(place, "offset", 1.0);
+      const std::size_t token = next("three numbers");
+      joint().offset[axis] = text_.length(token, "offset", 1.0);
     }
   }
 
@@ -131,8 +131,8 @@ class BvhReader {
     if (open_.back().is_end) text_.fail_here("an End Site cannot have CHANNELS");
     if (std::exchange(open_.back().has_channels, true))
       text_.fail_here("the joint '{}' has a second line of CHANNELS", excerpt(joint().name));
-    const std::size_t place = next("the number of channels");
-    const long count = text_.integer(place, "number of channels", 0, 6);
+    const std::size_t token = next("the number of channels");
+    const long count = text_.integer(token, "number of channels", 0, 6);
     for (long i = 0; i < count; ++i) {
       const std::string word(next_word("the name of a channel"));
       const auto known = std::find(kChannelNames.begin(), kChannelNames.end(), word);
@@ -183,12 +183,13 @@ class BvhReader {
 
 /// The largest side of the box around the rest pose.
 double extent(const BvhClip& clip) {
-  std::vector<Eigen::Vector3d> places;
+  std::vector<Eigen::Vector3d> positions;
   Eigen::AlignedBox3d box;
   for (const BvhJoint& joint : clip.joints) {
     // The root's own offset is the position of the person and does not depend on the size.
-    places.push_back(joint.parent < 0 ? Eigen::Vector3d::Zero() : Eigen::Vector3d(places[joint.parent] + joint.offset));
-    box.extend(places.back());
+    positions.push_back(joint.parent < 0 ? Eigen::Vector3d::Zero()
+                                         : Eigen::Vector3d(positions[joint.parent] + joint.offset));
+    box.extend(positions.back());
   }
   return box.sizes().maxCoeff();
 }

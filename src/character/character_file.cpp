@@ -117,7 +117,7 @@ void find_bones(const CharacterFiles& files, Character& character) {
 
 /// Warns about a skeleton outside the body, which has a wrong pose or unit. Skinning would give a wrong surface without
 /// an error.
-void check_place(const fs::path& path, const CharacterFiles& files, const Character& character) {
+void check_skeleton_distance(const fs::path& path, const CharacterFiles& files, const Character& character) {
   const double distance = skeleton_distance(character);
   if (distance > kSkeletonOffTemplate)
     log::warn("{}: in the rest pose the joints lie {:.3g} m from the template (median); {}", path.string(), distance,
@@ -179,7 +179,7 @@ Character load_character(const fs::path& path, const CharacterOptions& options) 
         "ARAP, Laplacian and smoothness treat skin and cloth alike",
         path.string());
   find_bones(files, character);
-  check_place(path, files, character);
+  check_skeleton_distance(path, files, character);
   read_graph(path, files, character);
   return character;
 }

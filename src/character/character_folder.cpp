@@ -31,7 +31,7 @@ class TemporaryCharacterFolder {
   fs::path path_;
 };
 
-void check_place(const fs::path& folder, const std::string& name) {
+void check_target(const fs::path& folder, const std::string& name) {
   std::error_code none;
   if (!fs::exists(folder, none)) return;
   if (!fs::is_directory(folder, none)) fail<UsageError>("{} is a file; give a folder to write into", folder.string());
@@ -63,15 +63,15 @@ void move_files(const fs::path& from, const fs::path& to) {
 
 fs::path write_character_folder(const fs::path& folder, const std::string& name,
                                 const std::function<void(const fs::path&)>& write) {
-  check_place(folder, name);
-  fs::path place = fs::absolute(folder).lexically_normal();
-  if (place.filename().empty()) place = place.parent_path();
+  check_target(folder, name);
+  fs::path target = fs::absolute(folder).lexically_normal();
+  if (target.filename().empty()) target = target.parent_path();
   try {
-    const TemporaryCharacterFolder temporary(place.parent_path() /
-                                             fmt::format(".{}.partial", place.filename().string()));
+    const TemporaryCharacterFolder temporary(target.parent_path() /
+                                             fmt::format(".{}.partial", target.filename().string()));
     write(temporary.path());
-    check_labels(place, temporary.path());
-    move_files(temporary.path(), place);
+    check_labels(target, temporary.path());
+    move_files(temporary.path(), target);
   } catch (const fs::filesystem_error& error) {
     fail("the character cannot be written to {}: {}", folder.string(), error.code().message());
   }

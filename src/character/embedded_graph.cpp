@@ -61,7 +61,7 @@ class TemplateDistance {
 };
 
 /// For each coarse vertex the nearest template vertex that is still free; the lower index if two are equally near.
-std::vector<int> place_nodes(const TriangleMesh& mesh, const TriangleMesh& coarse) {
+std::vector<int> choose_nodes(const TriangleMesh& mesh, const TriangleMesh& coarse) {
   std::vector<int> node_vertex;
   std::vector<bool> taken(mesh.vertices.size(), false);
   for (const Eigen::Vector3d& position : coarse.vertices) {
@@ -168,7 +168,7 @@ EmbeddedGraph build_graph(const TriangleMesh& mesh, const TriangleMesh& coarse, 
   check_input(mesh, coarse, options);
   const TemplateDistance distance(mesh, options.metric);
   EmbeddedGraph graph;
-  graph.node_vertex = place_nodes(mesh, coarse);
+  graph.node_vertex = choose_nodes(mesh, coarse);
   graph.edges = MeshTopology(coarse).edges();
   graph.faces = coarse.faces;
   graph.radius = choose_radii(graph, distance, options);

@@ -65,8 +65,8 @@ JointTracks resample(const JointTracks& tracks, double frames_per_second) {
   if (tracks.num_frames() < 2 || std::abs(step - 1.0) < 1e-6) return result;
   result.frames.clear();
   const double last = tracks.num_frames() - 1;
-  constexpr double kMostFrames = 1e6;
-  if (last / step > kMostFrames)
+  constexpr double kMaxFrames = 1e6;
+  if (last / step > kMaxFrames)
     fail<UsageError>("resampling {} frames of {} s to {} a second gives more than a million; is the frame time right?",
                      tracks.num_frames(), tracks.seconds_per_frame, frames_per_second);
   for (long i = 0; static_cast<double>(i) * step <= last + 1e-6; ++i) {

@@ -11,7 +11,7 @@ namespace doppel {
 namespace {
 
 constexpr double kBend = 0.3, kStep = 0.01;  ///< radians or metres
-constexpr double kShortestLever = 0.01;      ///< metres per radian
+constexpr double kMinLever = 0.01;           ///< metres per radian
 
 /// The change of a DoF that turns a joint by a radian, or shifts it by a metre; 0 when it moves no joint.
 double unit_of(const Skeleton& skeleton, const Dof& dof) {
@@ -67,7 +67,7 @@ std::vector<int> determined_dofs(const Skeleton& skeleton, const std::vector<Mar
   for (const int dof : observable) bent[dof] += kBend * unit_of(skeleton, skeleton.dofs[dof]);
   std::vector<int> determined;
   for (const int dof : observable)
-    if (std::max(lever(skeleton, landmarks, rest, dof), lever(skeleton, landmarks, bent, dof)) > kShortestLever)
+    if (std::max(lever(skeleton, landmarks, rest, dof), lever(skeleton, landmarks, bent, dof)) > kMinLever)
       determined.push_back(dof);
   return determined;
 }

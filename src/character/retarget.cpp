@@ -93,7 +93,7 @@ class RestPoses {
     for (Node& node : nodes_) {
       if (node.parent < 0) continue;
       const Node& parent = nodes_[node.parent];
-      node.offset_from_parent = target_[parent.target].inverse() * place(node);
+      node.offset_from_parent = target_[parent.target].inverse() * target_position(node);
     }
     const Matrix3d whole = alignment(all_bones(), Matrix3d::Identity());
     std::vector<Matrix3d> turns;
@@ -118,7 +118,7 @@ class RestPoses {
   /// The source's rest bone that leads to a node, rotated by the map.
   Vector3d source_bone(const Node& node) const {
     const Node& parent = nodes_[node.parent];
-    return parent.rest_turn * (source_place(node) - source_place(parent));
+    return parent.rest_turn * (source_position(node) - source_position(parent));
   }
 
   double scale(const JointMap& map) const {
@@ -136,8 +136,8 @@ class RestPoses {
   }
 
  private:
-  Vector3d place(const Node& node) const { return target_[node.target].translation(); }
-  Vector3d source_place(const Node& node) const { return source_[node.source].translation(); }
+  Vector3d target_position(const Node& node) const { return target_[node.target].translation(); }
+  Vector3d source_position(const Node& node) const { return source_[node.source].translation(); }
 
   /// Bones, named by the node they lead to: those that begin at `parent`, or all.
   std::vector<std::size_t> bones_of(int parent) const {
@@ -159,7 +159,8 @@ class RestPoses {
     for (const std::size_t n : bones) {
       const Node& node = nodes_[n];
       const Node& parent = nodes_[node.parent];
-      const Vector3d ours = place(node) - place(parent), theirs = source_place(node) - source_place(parent);
+      const Vector3d ours = target_position(node) - target_position(parent),
+                     theirs = source_position(node) - source_position(parent);
       if (ours.norm() < kNoLength || theirs.norm() < kNoLength) continue;
       from.conservativeResize(3, from.cols() + 1);
       to.conservativeResize(3, to.cols() + 1);
@@ -171,15 +172,17 @@ class RestPoses {
     return best_rotation(from, to);
   }
 
-  Vector3d place_in(const Node& node, bool source) const { return source ? source_place(node) : place(node); }
+  Vector3d position_in(const Node& node, bool source) const {
+    return source ? source_position(node) : target_position(node);
+  }
   std::size_t lowest() const {
     std::size_t lowest = 0;
     for (std::size_t n = 0; n < nodes_.size(); ++n)
-      if (place(nodes_[n]).y() < place(nodes_[lowest]).y()) lowest = n;
+      if (target_position(nodes_[n]).y() < target_position(nodes_[lowest]).y()) lowest = n;
     return lowest;
   }
   double hip_height(bool source) const {
-    return place_in(nodes_[0], source).y() - place_in(nodes_[lowest()], source).y();
+    return position_in(nodes_[0], source).y() - position_in(nodes_[lowest()], source).y();
   }
   /// The length from the foot to the hip. The bone to the root is excluded, because the root may be anywhere in the
   /// trunk.
@@ -187,7 +190,7 @@ class RestPoses {
     double length = 0.0;
     for (std::size_t n = lowest(); nodes_[n].parent >= 0; n = as_size(nodes_[n].parent)) {
       if (nodes_[n].parent == 0 && length > 0.0) break;
-      length += (place_in(nodes_[n], source) - place_in(nodes_[nodes_[n].parent], source)).norm();
+      length += (position_in(nodes_[n], source) - position_in(nodes_[nodes_[n].parent], source)).norm();
     }
     return length;
   }

@@ -13,7 +13,7 @@ namespace doppel {
 namespace {
 
 /// Names are searched from the first one on, which takes the square of this number.
-constexpr std::size_t kMostEntries = 10'000;
+constexpr std::size_t kMaxEntries = 10'000;
 constexpr char kSkeletonHeader[] = "Skeletool Skeleton Definition V1.0";
 
 /// Joints as the file lists them; `parent` may point forwards.
@@ -28,7 +28,7 @@ Eigen::Vector3d read_vector(const TextReader& reader, std::size_t first, const c
 }
 
 /// Millimetres in the file.
-Eigen::Vector3d read_place(const TextReader& reader, std::size_t first, const char* what) {
+Eigen::Vector3d read_xyz(const TextReader& reader, std::size_t first, const char* what) {
   return {reader.length(first, what, kMetresPerMillimetre), reader.length(first + 1, what, kMetresPerMillimetre),
           reader.length(first + 2, what, kMetresPerMillimetre)};
 }
@@ -50,8 +50,8 @@ std::size_t read_section(TextReader& reader, std::string_view title) {
   if (found != title) reader.fail_here("expected the section '{} <count>', found '{}'", title, excerpt(reader.line()));
   expect_tokens(reader, count_token + 1, "the section's title and its count");
   const std::size_t count = reader.count(count_token, "count");
-  if (count > kMostEntries)
-    reader.fail_here("the section '{}' has {} entries, allowed are {}", title, count, kMostEntries);
+  if (count > kMaxEntries)
+    reader.fail_here("the section '{}' has {} entries, allowed are {}", title, count, kMaxEntries);
   return count;
 }
 
@@ -63,7 +63,7 @@ Joint::Type read_type(const TextReader& reader) {
 }
 
 Eigen::Vector3d read_axis(const TextReader& reader, Joint::Type type) {
-  if (type == Joint::Type::prismatic) return read_place(reader, 6, "axis");
+  if (type == Joint::Type::prismatic) return read_xyz(reader, 6, "axis");
   const Eigen::Vector3d axis = read_vector(reader, 6, "axis");
   const double length = axis.norm();
   if (!(length > 1e-9) || !std::isfinite(length)) reader.fail_here("the axis of a revolute joint has no direction");
@@ -82,9 +82,9 @@ FileJoint read_joint(const TextReader& reader) {
   const double scale = reader.number(9, "scale");
   const Eigen::Vector3d offset = read_vector(reader, 3, "offset");
   entry.joint.offset = (scale == 1.0 ? offset : Eigen::Vector3d(scale * offset)) * kMetresPerMillimetre;
-  if (!(entry.joint.offset.cwiseAbs().maxCoeff() <= kLongestMetres))
+  if (!(entry.joint.offset.cwiseAbs().maxCoeff() <= kMaxMetres))
     reader.fail_here("the offset of the joint '{}' times its scale exceeds {:g} m", excerpt(entry.joint.name),
-                     kLongestMetres);
+                     kMaxMetres);
   return entry;
 }
 
@@ -151,7 +151,7 @@ std::vector<int> parents_first(const std::vector<FileJoint>& entries, const std:
   return order;
 }
 
-void place_joints(Skeleton& skeleton, const std::vector<FileJoint>& entries) {
+void order_joints(Skeleton& skeleton, const std::vector<FileJoint>& entries) {
   const std::vector<int> parents = find_parents(entries);
   const std::vector<int> order = parents_first(entries, parents);
   std::vector<int> index(entries.size());
@@ -189,7 +189,7 @@ Marker read_marker(const TextReader& reader, const Skeleton& skeleton) {
   Marker marker;
   marker.name = reader.tokens()[0];
   marker.joint = find_joint_of(reader, skeleton, reader.tokens()[1]);
-  marker.position = read_place(reader, 3, "position");
+  marker.position = read_xyz(reader, 3, "position");
   if (columns > 6) marker.size = reader.length(6, "size", kMetresPerMillimetre);
   for (std::size_t i = 7; i < columns; ++i) reader.number(i, "colour");
   return marker;
@@ -222,7 +222,7 @@ Dof read_dof(TextReader& reader, const Skeleton& skeleton, std::size_t& drives) 
   for (std::size_t i = 0; i < count; ++i) {
     reader.require_line(fmt::format("joint {} of {} that the DoF '{}' drives", i + 1, count, excerpt(dof.name)));
     expect_tokens(reader, 2, "a joint and its weight");
-    if (++drives > kMostEntries) reader.fail_here("the DoFs drive more than {} joints", kMostEntries);
+    if (++drives > kMaxEntries) reader.fail_here("the DoFs drive more than {} joints", kMaxEntries);
     dof.joints.push_back({find_joint_of(reader, skeleton, reader.tokens()[0]), reader.number(1, "weight")});
   }
   return dof;
@@ -319,7 +319,7 @@ Skeleton read_skeleton(const std::filesystem::path& path, MarkerReading reading)
   TextReader reader(path, "a skeleton file");
   read_skeleton_header(reader);
   Skeleton skeleton;
-  place_joints(skeleton, read_joints(reader));
+  order_joints(skeleton, read_joints(reader));
   read_markers(reader, skeleton);
   skip_scaling_joints(reader);
   read_dofs(reader, skeleton);

@@ -30,7 +30,7 @@ struct ConfigReader::Shared {
 namespace {
 
 constexpr std::uintmax_t kMaxBytes = 16 << 20;
-constexpr std::size_t kLongestShown = 200;  // of a text of the file in a message
+constexpr std::size_t kMaxShownLength = 200;  // of a text of the file in a message
 
 int line_of(const YAML::Node& node) { return node.IsDefined() && node.Mark().line >= 0 ? node.Mark().line + 1 : 0; }
 
@@ -56,7 +56,7 @@ std::string list_text(const std::vector<T>& values) {
 std::string described(const YAML::Node& node) {
   switch (node.Type()) {
     case YAML::NodeType::Scalar:
-      return "\"" + excerpt(node.Scalar(), kLongestShown) + "\"";
+      return "\"" + excerpt(node.Scalar(), kMaxShownLength) + "\"";
     case YAML::NodeType::Sequence:
       return fmt::format("a list of {}", node.size());
     case YAML::NodeType::Map:
@@ -183,8 +183,8 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 }  // namespace
 
 std::optional<std::string> nearest_word(const std::string& word, const std::vector<std::string>& known) {
-  constexpr std::size_t kLongestWord = 200;  // a longer word is no typing error
-  if (word.size() > kLongestWord) return std::nullopt;
+  constexpr std::size_t kMaxWordLength = 200;  // a longer word is no typing error
+  if (word.size() > kMaxWordLength) return std::nullopt;
   std::optional<std::string> best;
   std::size_t best_distance = std::max<std::size_t>(2, word.size() / 3) + 1;
   for (const std::string& candidate : known) {
@@ -209,7 +209,7 @@ ConfigDocument ConfigDocument::parse(const std::string& text, const std::string&
     document.node_ = load_yaml(text);
   } catch (const YAML::Exception& e) {
     fail_at({name, e.mark.line >= 0 ? e.mark.line + 1 : 0}, "reading a configuration: this is not YAML: {}",
-            excerpt(e.msg, kLongestShown));
+            excerpt(e.msg, kMaxShownLength));
   }
   if (document.node_.IsNull()) document.node_ = YAML::Node(YAML::NodeType::Map);
   if (!document.node_.IsMap()) {
@@ -274,7 +274,7 @@ FileLocation ConfigReader::where(const std::string& key) const {
 
 void ConfigReader::fail_formatted(const std::string& key, const std::string& message) const {
   const std::string dotted = joined_path(prefix_, key);
-  throw FileError(where(key), dotted.empty() ? message : excerpt(dotted, kLongestShown) + ": " + message);
+  throw FileError(where(key), dotted.empty() ? message : excerpt(dotted, kMaxShownLength) + ": " + message);
 }
 
 void ConfigReader::note(const std::string& key) const { shared_->mappings[prefix_].asked.insert(key); }
@@ -354,7 +354,7 @@ std::string ConfigReader::choice(const std::string& key, const std::vector<std::
   const std::string word = get<std::string>(key);
   if (std::find(allowed.begin(), allowed.end(), word) != allowed.end()) return word;
   const std::optional<std::string> meant = nearest_word(word, allowed);
-  fail_at_key(key, "found \"{}\", allowed is one of {}{}", excerpt(word, kLongestShown), joined(allowed),
+  fail_at_key(key, "found \"{}\", allowed is one of {}{}", excerpt(word, kMaxShownLength), joined(allowed),
               meant ? "; did you mean " + *meant + "?" : "");
 }
 
@@ -422,7 +422,7 @@ void ConfigReader::finish() const {
       const std::string& key = entry.first.Scalar();
       if (!seen.insert(key).second) {
         throw FileError({shared_->path.string(), line_of(entry.first)},
-                        excerpt(joined_path(prefix, key), kLongestShown) + ": this key occurs twice");
+                        excerpt(joined_path(prefix, key), kMaxShownLength) + ": this key occurs twice");
       }
       if (mapping.asked.count(key)) continue;
       const std::optional<std::string> meant = nearest_word(key, known);

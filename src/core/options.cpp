@@ -12,7 +12,7 @@ namespace doppel {
 namespace {
 
 /// The mapping that holds a key, and the last part of the key.
-struct KeyPlace {
+struct KeyPosition {
   ConfigReader reader;
   std::string key;
 };
@@ -25,10 +25,10 @@ ConfigReader part_of(const ConfigReader& reader, const std::string& part) {
 }
 
 /// Recursive, because assigning a reader would change the document: a YAML node that is assigned becomes an alias.
-KeyPlace place_of(const ConfigReader& reader, const std::string& path) {
+KeyPosition position_of(const ConfigReader& reader, const std::string& path) {
   const std::size_t dot = path.find('.');
   if (dot == std::string::npos) return {reader, path};
-  return place_of(part_of(reader, path.substr(0, dot)), path.substr(dot + 1));
+  return position_of(part_of(reader, path.substr(0, dot)), path.substr(dot + 1));
 }
 
 /// A number in the unit of the configuration. Conversion there and back costs the last digit, which is not shown.
@@ -39,9 +39,9 @@ double in_file_unit(double option, UnitConversion to_option) {
 
 /// All digits if they are few.
 std::string shown_number(double value) {
-  constexpr std::size_t kMostDigits = 10;
+  constexpr std::size_t kMaxShownDigits = 10;
   const std::string exact = fmt::format("{:.15g}", value);
-  return exact.size() <= kMostDigits ? exact : fmt::format("{:.6g}", value);
+  return exact.size() <= kMaxShownDigits ? exact : fmt::format("{:.6g}", value);
 }
 std::string shown_number(int value) { return fmt::format("{}", value); }
 std::string shown_number(std::int64_t value) { return fmt::format("{}", value); }
@@ -66,7 +66,7 @@ class OptionReader : public OptionVisitor {
 
   void visit(const std::string& path, double& option, const Range<double>& range, UnitConversion to_option,
              const std::string&) override {
-    const auto [reader, key] = place_of(reader_, path);
+    const auto [reader, key] = position_of(reader_, path);
     const double written = reader.get(key, in_file_unit(option, to_option), range);
     if (reader.has(key)) option = to_option(written);
   }
@@ -79,7 +79,7 @@ class OptionReader : public OptionVisitor {
   }
   void visit(const std::string& path, bool& option, const std::string&) override { value(path, option, {}); }
   void visit(const std::string& path, std::filesystem::path& option, const std::string&) override {
-    const auto [reader, key] = place_of(reader_, path);
+    const auto [reader, key] = position_of(reader_, path);
     if (reader.has(key)) option = reader.path(key);
   }
   void visit(const std::string& path, std::vector<std::string>& option, const std::string&) override {
@@ -91,34 +91,34 @@ class OptionReader : public OptionVisitor {
   }
   void visit_word(const std::string& path, int& option, const std::vector<std::string>& words,
                   const std::string&) override {
-    const auto [reader, key] = place_of(reader_, path);
+    const auto [reader, key] = position_of(reader_, path);
     const std::string word = reader.choice(key, words, words[option]);
     option = static_cast<int>(std::find(words.begin(), words.end(), word) - words.begin());
   }
   std::optional<std::size_t> visit_items(const std::string& path, const std::string&) override {
-    const auto [reader, key] = place_of(reader_, path);
+    const auto [reader, key] = position_of(reader_, path);
     const std::size_t count = reader.sections(key).size();
     return count > 0 ? std::optional<std::size_t>(count) : std::nullopt;
   }
   void require(const std::string& path, bool met, const std::string& fault) override {
     if (met) return;
-    const auto [reader, key] = place_of(reader_, path);
+    const auto [reader, key] = position_of(reader_, path);
     reader.fail_at_key(key, "{}", fault);
   }
   void forbid(const std::string& path, const std::string& reason) override {
-    const auto [reader, key] = place_of(reader_, path);
+    const auto [reader, key] = position_of(reader_, path);
     if (reader.has(key)) reader.fail_at_key(key, "{}", reason);
   }
 
  private:
   template <typename T>
   void value(const std::string& path, T& option, const Range<T>& range) {
-    const auto [reader, key] = place_of(reader_, path);
+    const auto [reader, key] = position_of(reader_, path);
     option = reader.get(key, option, range);
   }
   template <typename T>
   void list(const std::string& path, std::vector<T>& option) {
-    const auto [reader, key] = place_of(reader_, path);
+    const auto [reader, key] = position_of(reader_, path);
     option = reader.list(key, option);
   }
 

@@ -33,7 +33,7 @@ constexpr const char* kPickleScalar = "numpy.core.multiarray.scalar";
 constexpr const char* kPickleFromBuffer = "numpy.core.numeric._frombuffer";
 constexpr const char* kPickleEncode = "_codecs.encode";
 
-/// The places in the state of an array: (version, shape, dtype, Fortran order, data).
+/// The positions in the state of an array: (version, shape, dtype, Fortran order, data).
 constexpr std::size_t kPickleArrayShape = 1, kPickleArrayDtype = 2, kPickleArrayFortran = 3, kPickleArrayData = 4;
 constexpr std::size_t kPickleArrayParts = 5;
 
@@ -257,8 +257,8 @@ class NumpyPickleFunctions : public PickleFunctions {
   std::size_t encoded_ = 0;
 };
 
-/// Executes the opcodes. Values live on a stack; a mark is a place on the stack from which on values become the items
-/// of a list.
+/// Executes the opcodes. Values live on a stack; a mark is a position on the stack from which on values become the
+/// items of a list.
 class PickleMachine {
  public:
   PickleMachine(Pickle& pickle, PickleFunctions& functions) : pickle_(pickle), functions_(functions) {}
@@ -515,7 +515,7 @@ class PickleMachine {
 
   std::uint64_t take_index() {
     const double index = take_decimal(take_line());
-    if (!(index >= 0 && index < 4e9)) refuse("{} is no place in the memo", index);
+    if (!(index >= 0 && index < 4e9)) refuse("{} is no position in the memo", index);
     return static_cast<std::uint64_t>(index);
   }
 

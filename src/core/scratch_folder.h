@@ -5,7 +5,7 @@
 namespace doppel {
 
 /// A new folder for files in the making. The folder and its content are removed at the end. Files can be renamed from
-/// it to places on the same disk, so `parent` should be beside these places.
+/// it to folders on the same disk, so `parent` should be beside these folders.
 class ScratchFolder {
  public:
   /// @throws Error when no folder can be made in `parent`

@@ -136,8 +136,8 @@ double TextReader::number(std::size_t token, std::string_view what) const {
 
 double TextReader::length(std::size_t token, std::string_view what, double metres_per_unit) const {
   const double metres = number(token, what) * metres_per_unit;
-  if (!(std::abs(metres) <= kLongestMetres))
-    fail_here("reading {}: {} is {} m, allowed are {:g} m; is the unit right?", what_, what, metres, kLongestMetres);
+  if (!(std::abs(metres) <= kMaxMetres))
+    fail_here("reading {}: {} is {} m, allowed are {:g} m; is the unit right?", what_, what, metres, kMaxMetres);
   return metres;
 }
 

@@ -15,7 +15,7 @@ namespace doppel {
 enum class Separator { blanks, comma };
 
 /// Lengths in files of people and their rooms are far below this one, and products of two of them are finite.
-inline constexpr double kLongestMetres = 1e9;
+inline constexpr double kMaxMetres = 1e9;
 
 /// Reads the line-based text formats of the field (Skeletool files, OBJ, tables) with `file:line` in every error.
 ///
@@ -44,7 +44,7 @@ class TextReader {
   /// @throws FileError when the token is missing, is not entirely a number, or is not finite
   double number(std::size_t token, std::string_view what) const;
   /// As `number`, for a length in units of `metres_per_unit`. @return metres
-  /// @throws FileError also for more than kLongestMetres
+  /// @throws FileError also for more than kMaxMetres
   double length(std::size_t token, std::string_view what, double metres_per_unit) const;
   /// A token as an integer, which must lie in [minimum, maximum].
   long integer(std::size_t token, std::string_view what, long minimum, long maximum) const;

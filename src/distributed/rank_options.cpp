@@ -10,7 +10,7 @@ namespace doppel {
 
 namespace {
 
-constexpr int kMostRanks = 4096;
+constexpr int kMaxRanks = 4096;
 
 /// The names under which a launcher gives rank and world.
 struct Names {
@@ -46,14 +46,14 @@ void set_rank(RankOptions& options, int rank, int world, const std::string& rank
 void read_flags(const RankFlags& flags, RankOptions& options) {
   if (!flags.rank || !flags.world || (flags.nodes.empty() && *flags.world > 1))
     fail<UsageError>("several ranks need --nodes HOST:PORT, --rank and --world together");
-  if (*flags.world < 1 || *flags.world > kMostRanks || *flags.rank < 0)
+  if (*flags.world < 1 || *flags.world > kMaxRanks || *flags.rank < 0)
     fail<UsageError>("--rank {} --world {}: there are 1 to {} ranks, counted from 0", *flags.rank, *flags.world,
-                     kMostRanks);
+                     kMaxRanks);
   set_rank(options, *flags.rank, *flags.world, "--rank", "--world");
   if (!flags.nodes.empty()) read_nodes(flags.nodes, options);
 }
 
-void read_place(const Environment& environment, const Names& names, RankOptions& options) {
+void read_master(const Environment& environment, const Names& names, RankOptions& options) {
   const auto host = environment("MASTER_ADDR"), port = environment("MASTER_PORT");
   if (!host || host->empty())
     fail<UsageError>(
@@ -82,9 +82,9 @@ RankOptions read_rank_options(const RankFlags& flags, const Environment& environ
   for (const Names& names : kLaunchers) {
     const auto rank = environment(names.rank), world = environment(names.world);
     if (!rank || !world) continue;
-    set_rank(options, whole_number(names.rank, *rank, 0, kMostRanks - 1),
-             whole_number(names.world, *world, 1, kMostRanks), names.rank, names.world);
-    if (options.world > 1) read_place(environment, names, options);
+    set_rank(options, whole_number(names.rank, *rank, 0, kMaxRanks - 1),
+             whole_number(names.world, *world, 1, kMaxRanks), names.rank, names.world);
+    if (options.world > 1) read_master(environment, names, options);
     return options;
   }
   return options;

@@ -37,14 +37,14 @@ std::optional<CloudResult> evaluate_clouds(const Dataset& dataset, Split split, 
   const torch::NoGradGuard no_grad;
   const std::vector<int> cameras = dataset.camera_indices(options.cameras);
   const std::vector<SampleId> samples = evaluated_samples(dataset, split, options);
-  GroundTruth truth(dataset);
+  GroundTruth ground_truth(dataset);
   BatchOptions wanted;
   wanted.past_frames = 0;
   wanted.images = true;
   std::vector<std::vector<torch::Tensor>> distances(cameras.size());  // of each cloud
   Progress progress(title, static_cast<std::int64_t>(samples.size()));
   for (const SampleId& sample : samples) {
-    const torch::Tensor expected = truth.at(sample, num_vertices);
+    const torch::Tensor expected = ground_truth.at(sample, num_vertices);
     if (expected.defined()) {
       const SurfaceDistance surface(expected, faces);
       for (std::size_t c = 0; c < cameras.size(); ++c) {

@@ -30,8 +30,8 @@ Tensor face_slant(const Tensor& corners, const PinholeCamera& camera) {
   return ((normal * sight).sum(1) / (normal.norm(2, 1) * sight.norm(2, 1)).clamp_min(1e-12)).abs();
 }
 
-Tensor errors_without_translation(const Tensor& found, const Tensor& truth) {
-  const Tensor difference = found - truth;
+Tensor errors_without_translation(const Tensor& found, const Tensor& ground_truth) {
+  const Tensor difference = found - ground_truth;
   return (difference - difference.mean(0, true)).norm(2, 1);
 }
 
@@ -62,8 +62,8 @@ cv::Mat draw_vertex_values(const Tensor& vertices, const Tensor& faces, const Te
   return drawing;
 }
 
-Tensor error_improvement(const Tensor& better, const Tensor& worse, const Tensor& truth) {
-  return errors_without_translation(worse, truth) - errors_without_translation(better, truth);
+Tensor error_improvement(const Tensor& better, const Tensor& worse, const Tensor& ground_truth) {
+  return errors_without_translation(worse, ground_truth) - errors_without_translation(better, ground_truth);
 }
 
 }  // namespace doppel

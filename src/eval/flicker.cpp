@@ -27,8 +27,8 @@ constexpr int kInset = 2;             // pixels
 torch::Tensor earlier_points(const FramePair& pair, const RasterImage& drawn) {
   const torch::Tensor face = drawn.face_id[0].flatten().clamp_min(0).to(torch::kInt64);
   const torch::Tensor corners = pair.faces.to(torch::kInt64).index_select(0, face);
-  const torch::Tensor places = pair.vertices[0].index_select(0, corners.flatten()).view({-1, 3, 3});
-  return (places * drawn.barycentrics[0].view({-1, 3, 1})).sum(1);
+  const torch::Tensor positions = pair.vertices[0].index_select(0, corners.flatten()).view({-1, 3, 3});
+  return (positions * drawn.barycentrics[0].view({-1, 3, 1})).sum(1);
 }
 
 /// Whether the four pixels around (x, y) have this depth. @param depth CV_32FC1; x, y of a first pixel at (0, 0)
@@ -103,18 +103,18 @@ SurfaceFlow surface_flow(const FramePair& pair) {
   const torch::Tensor homogeneous =
       at::matmul(points, pair.projection[0].narrow(1, 0, 3).t()) + pair.projection[0].select(1, 3);
   const torch::Tensor depth = homogeneous.select(1, 2);
-  const torch::Tensor places = (homogeneous.narrow(1, 0, 2) / depth.unsqueeze(1) - 0.5).contiguous();
+  const torch::Tensor positions = (homogeneous.narrow(1, 0, 2) / depth.unsqueeze(1) - 0.5).contiguous();
   const torch::Tensor earlier_depth = drawn.depth[0].contiguous(), face = drawn.face_id[1].contiguous();
 
-  SurfaceFlow flow{image_view(places.view({pair.size, pair.size, 2})).clone(),
+  SurfaceFlow flow{image_view(positions.view({pair.size, pair.size, 2})).clone(),
                    cv::Mat::zeros(pair.size, pair.size, CV_8UC1)};
   const cv::Mat before = image_view(earlier_depth);
   const float* z = depth.contiguous().data_ptr<float>();
   for (int row = 0; row < pair.size; ++row)
     for (int column = 0; column < pair.size; ++column) {
-      const cv::Vec2f place = flow.map.at<cv::Vec2f>(row, column);
+      const cv::Vec2f position = flow.map.at<cv::Vec2f>(row, column);
       const bool seen = face.data_ptr<int>()[row * pair.size + column] >= 0;
-      if (seen && shows_depth(before, place[0], place[1], z[row * pair.size + column]))
+      if (seen && shows_depth(before, position[0], position[1], z[row * pair.size + column]))
         flow.visible.at<std::uint8_t>(row, column) = 255;
     }
   return flow;

@@ -44,9 +44,7 @@ double mean_square(const cv::Mat& a, const cv::Mat& b) {
   return cv::norm(a, b, cv::NORM_L2SQR) / (3.0 * static_cast<double>(a.total()));
 }
 
-double psnr(double mse) {
-  return mse > 0.0 ? std::min(10.0 * std::log10(255.0 * 255.0 / mse), kHighestPsnr) : kHighestPsnr;
-}
+double psnr(double mse) { return mse > 0.0 ? std::min(10.0 * std::log10(255.0 * 255.0 / mse), kMaxPsnr) : kMaxPsnr; }
 
 cv::Mat local_mean(const cv::Mat& image) {
   cv::Mat result;
@@ -203,16 +201,16 @@ cv::Mat inside(const cv::Mat& image, const cv::Mat& mask) {
   return result;
 }
 
-/// @param true_person `truth` inside `mask`
-PhotometricScores score(const cv::Mat& drawn, const cv::Mat& covered, const cv::Mat& truth, const cv::Mat& mask,
+/// @param true_person `ground_truth` inside `mask`
+PhotometricScores score(const cv::Mat& drawn, const cv::Mat& covered, const cv::Mat& ground_truth, const cv::Mat& mask,
                         const cv::Mat& true_person, const cv::Mat& background) {
   PhotometricScores scores;
   cv::Mat over = background.clone(), missing = true_person.clone();
   drawn.copyTo(over, covered);
   scores.masked = compare_images(inside(inside(drawn, covered), mask), true_person);
-  scores.full = compare_images(over, truth);
+  scores.full = compare_images(over, ground_truth);
   missing.setTo(cv::Scalar::all(0), covered);
-  scores.missing_MSE = mean_square(missing, cv::Mat::zeros(truth.size(), CV_8UC3));
+  scores.missing_MSE = mean_square(missing, cv::Mat::zeros(ground_truth.size(), CV_8UC3));
   scores.foreground = static_cast<double>(cv::countNonZero(mask)) / static_cast<double>(mask.total());
   return scores;
 }
@@ -232,10 +230,11 @@ class CameraComparison {
     wanted.images = true;
     const Batch batch = make_batch(dataset_, samples, std::vector<std::vector<int>>(samples.size(), {camera_}), wanted);
     const RenderedImages drawn = draw_crops(samples, batch.image_projection);
-    const torch::Tensor truth = batch.image.squeeze(1), mask = batch.image_mask.squeeze(1) * 255;
+    const torch::Tensor ground_truth = batch.image.squeeze(1), mask = batch.image_mask.squeeze(1) * 255;
     for (std::size_t b = 0; b < samples.size(); ++b) {
       const auto i = static_cast<std::int64_t>(b);
-      const cv::Mat person = image_view(mask[i]), image = image_view(truth[i]), true_person = inside(image, person);
+      const cv::Mat person = image_view(mask[i]), image = image_view(ground_truth[i]),
+                    true_person = inside(image, person);
       if (cv::countNonZero(person) == 0) continue;
       const CropBox box = dataset_.crop_box(samples[b], camera_);
       const int size = dataset_.image_size();

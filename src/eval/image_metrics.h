@@ -17,12 +17,12 @@ namespace doppel {
 /// Differences between two images, colours 0..255.
 struct ImageScores {
   double MSE = 0.0;   ///< mean over all pixels and channels
-  double PSNR = 0.0;  ///< 10 log10(255^2 / MSE), dB; at most kHighestPsnr, the value for equal images
+  double PSNR = 0.0;  ///< 10 log10(255^2 / MSE), dB; at most kMaxPsnr, the value for equal images
   double SSIM = 0.0;  ///< see structural_similarity
 
   nlohmann::ordered_json to_json() const;
 };
-inline constexpr double kHighestPsnr = 100.0;
+inline constexpr double kMaxPsnr = 100.0;
 
 /// SSIM after Wang et al. 2004: Gaussian window of 11 x 11 pixels and standard deviation 1.5, C1 = (0.01 * 255)^2, C2 =
 /// (0.03 * 255)^2, population variances of the window (not sample variances); mean over the windows that lie in the

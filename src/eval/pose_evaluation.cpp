@@ -47,7 +47,7 @@ class PoseEvaluation {
   /// Evaluates poses frame by frame: joints against the true joints, landmarks against keypoints.
   void look_at_poses() {
     const std::vector<SampleId> samples = evaluated_samples(dataset_, split_, options_);
-    std::vector<Tensor> found, truth;
+    std::vector<Tensor> found, ground_truth;
     Progress progress("poses, " + to_string(split_), static_cast<std::int64_t>(samples.size()));
     for (const SampleId& sample : samples) {
       const Batch batch = seen({sample});
@@ -60,11 +60,11 @@ class PoseEvaluation {
       if (known_) {
         const Tensor joints = joints_of(captured.landmarks);
         found.push_back(valid ? joints : torch::full_like(joints, std::numeric_limits<float>::quiet_NaN()));
-        truth.push_back(joints_of(trained_.landmark_layer->forward(true_dofs(batch))));
+        ground_truth.push_back(joints_of(trained_.landmark_layer->forward(true_dofs(batch))));
       }
       progress.advance(1);
     }
-    if (known_) scores_ = compare_poses(torch::cat(found), torch::cat(truth)).to_json();
+    if (known_) scores_ = compare_poses(torch::cat(found), torch::cat(ground_truth)).to_json();
   }
 
   Tensor joints_of(const Tensor& landmarks) const {
@@ -93,18 +93,18 @@ class PoseEvaluation {
 
   /// Moves a pose so that its root (root_of_joints) is at the true position. The pivot of the skeleton's root is no
   /// measure of this: it may be far from the hips, and other joints may turn against it.
-  void move_to_truth(CapturedPose& captured, const Tensor& truth) const {
-    captured.position = trained_.pose->position(truth);
+  void move_to_ground_truth(CapturedPose& captured, const Tensor& ground_truth) const {
+    captured.position = trained_.pose->position(ground_truth);
     const auto root = [this](const Tensor& dofs) {
       return root_of_joints(joints_of(trained_.landmark_layer->forward(dofs))).squeeze(1);
     };
-    captured.position = captured.position + root(truth) - root(trained_.dofs(captured));
+    captured.position = captured.position + root(ground_truth) - root(trained_.dofs(captured));
   }
 
   Tensor surface(const std::vector<SampleId>& samples, bool deformed) {
     const Batch batch = seen(samples);
     CapturedPose captured = trained_.capture(person_view(batch));
-    if (known_) move_to_truth(captured, true_dofs(batch));
+    if (known_) move_to_ground_truth(captured, true_dofs(batch));
     const Tensor dofs = trained_.dofs(captured);
     if (!deformed) return trained_.surface->skinned(dofs);
     const auto [A, T] = trained_.deformation(batch.person.select(1, 0));

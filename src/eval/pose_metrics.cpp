@@ -117,16 +117,16 @@ Tensor root_of_joints(const Tensor& joints) {
   return 0.5 * (joints.narrow(1, kRightHip, 1) + joints.narrow(1, kLeftHip, 1));
 }
 
-Tensor rescale_bones(const Tensor& found_in, const Tensor& truth_in) {
-  const Tensor found = checked("found", found_in), truth = checked("truth", truth_in);
-  const Tensor found_root = root_of_joints(found).squeeze(1), true_root = root_of_joints(truth).squeeze(1);
+Tensor rescale_bones(const Tensor& found_in, const Tensor& ground_truth_in) {
+  const Tensor found = checked("found", found_in), ground_truth = checked("ground truth", ground_truth_in);
+  const Tensor found_root = root_of_joints(found).squeeze(1), true_root = root_of_joints(ground_truth).squeeze(1);
   std::vector<Tensor> joints(kCommonJoints);
   // Bones start at joints with known positions. The neck is the parent of the head but comes after it, so it is
   // computed first.
   for (int j : {1, 0, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13}) {
     const int parent = kJoints[j].parent;
     const Tensor bone = found.select(1, j) - (parent == kRoot ? found_root : found.select(1, parent));
-    const Tensor true_bone = truth.select(1, j) - (parent == kRoot ? true_root : truth.select(1, parent));
+    const Tensor true_bone = ground_truth.select(1, j) - (parent == kRoot ? true_root : ground_truth.select(1, parent));
     const Tensor length = bone.norm(2, {1}, true);
     const Tensor factor = torch::where(length > 0.0, true_bone.norm(2, {1}, true) / length, torch::ones_like(length));
     joints[j] = (parent == kRoot ? found_root : joints[parent]) + factor * bone;
@@ -134,24 +134,26 @@ Tensor rescale_bones(const Tensor& found_in, const Tensor& truth_in) {
   return torch::stack(joints, 1);
 }
 
-Tensor align_similarity(const Tensor& found_in, const Tensor& truth_in) {
-  if (found_in.sizes() != truth_in.sizes() || found_in.dim() != 3 || found_in.size(2) != 3)
+Tensor align_similarity(const Tensor& found_in, const Tensor& ground_truth_in) {
+  if (found_in.sizes() != ground_truth_in.sizes() || found_in.dim() != 3 || found_in.size(2) != 3)
     fail<UsageError>("similarity alignment: both poses must be [frames,J,3]");
-  const Tensor found = found_in.to(torch::kFloat64).contiguous(), truth = truth_in.to(torch::kFloat64).contiguous();
+  const Tensor found = found_in.to(torch::kFloat64).contiguous(),
+               ground_truth = ground_truth_in.to(torch::kFloat64).contiguous();
   Tensor aligned = torch::empty_like(found);
   const std::int64_t J = found.size(1);
   for (std::int64_t f = 0; f < found.size(0) && J > 0; ++f)
-    align_frame(Points(found.data_ptr<double>() + 3 * J * f, J, 3), Points(truth.data_ptr<double>() + 3 * J * f, J, 3),
+    align_frame(Points(found.data_ptr<double>() + 3 * J * f, J, 3),
+                Points(ground_truth.data_ptr<double>() + 3 * J * f, J, 3),
                 PointsOut(aligned.data_ptr<double>() + 3 * J * f, J, 3));
   return aligned;
 }
 
-PoseScores compare_poses(const Tensor& found_in, const Tensor& truth_in) {
+PoseScores compare_poses(const Tensor& found_in, const Tensor& ground_truth_in) {
   const torch::NoGradGuard no_grad;
-  Tensor found = checked("found", found_in), truth = checked("truth", truth_in);
-  if (found.size(0) != truth.size(0))
-    fail<UsageError>("pose metrics: {} frames found, {} true ones", found.size(0), truth.size(0));
-  if (!truth.isfinite().all().item<bool>())
+  Tensor found = checked("found", found_in), ground_truth = checked("ground truth", ground_truth_in);
+  if (found.size(0) != ground_truth.size(0))
+    fail<UsageError>("pose metrics: {} frames found, {} true ones", found.size(0), ground_truth.size(0));
+  if (!ground_truth.isfinite().all().item<bool>())
     fail<UsageError>("pose metrics: the ground truth contains numbers that are not finite");
   PoseScores scores;
   scores.frames = found.size(0);
@@ -159,13 +161,15 @@ PoseScores compare_poses(const Tensor& found_in, const Tensor& truth_in) {
   scores.missing = scores.frames - rows.size(0);
   if (rows.size(0) == 0) return scores;
   found = found.index_select(0, rows);
-  truth = truth.index_select(0, rows);
+  ground_truth = ground_truth.index_select(0, rows);
 
   constexpr double kMillimetres = 1000.0;
-  scores.GLE_mm = kMillimetres * (root_of_joints(found) - root_of_joints(truth)).norm(2, {-1}).mean().item<double>();
-  const Tensor rescaled = rescale_bones(found, truth);
+  scores.GLE_mm =
+      kMillimetres * (root_of_joints(found) - root_of_joints(ground_truth)).norm(2, {-1}).mean().item<double>();
+  const Tensor rescaled = rescale_bones(found, ground_truth);
   const Tensor error =
-      kMillimetres * ((rescaled - root_of_joints(rescaled)) - (truth - root_of_joints(truth))).norm(2, {-1});
+      kMillimetres *
+      ((rescaled - root_of_joints(rescaled)) - (ground_truth - root_of_joints(ground_truth))).norm(2, {-1});
   const double all = static_cast<double>(scores.frames * kCommonJoints);
   const auto share = [&](double threshold) {
     return 100.0 * static_cast<double>((error <= threshold + kRounding).sum().item<std::int64_t>()) / all;
@@ -173,7 +177,8 @@ PoseScores compare_poses(const Tensor& found_in, const Tensor& truth_in) {
   scores.PCK = share(kPckMillimetres);
   const int steps = static_cast<int>(kPckMillimetres / kAucStep);
   for (int step = 0; step <= steps; ++step) scores.AUC += share(kAucStep * step) / (steps + 1);
-  scores.MPJPE_mm = kMillimetres * (align_similarity(rescaled, truth) - truth).norm(2, {-1}).mean().item<double>();
+  scores.MPJPE_mm =
+      kMillimetres * (align_similarity(rescaled, ground_truth) - ground_truth).norm(2, {-1}).mean().item<double>();
   return scores;
 }
 

@@ -62,8 +62,8 @@ Scans::Scans(const Dataset& dataset, const std::vector<SampleId>& samples, const
   for (const SampleId& sample : samples) {
     const std::string& sequence = dataset.sequences().at(as_size(sample.sequence)).name;
     const bool own = std::filesystem::is_directory(folder / sequence);
-    const std::filesystem::path place = own ? folder / sequence : folder;
-    const auto [listed, is_new] = folders.try_emplace(place, place);
+    const std::filesystem::path source = own ? folder / sequence : folder;
+    const auto [listed, is_new] = folders.try_emplace(source, source);
     if (is_new) unread += listed->second.unread;
     const auto scan = listed->second.files.find(sample.frame);
     if (scan == listed->second.files.end()) continue;

@@ -113,7 +113,7 @@ torch::Tensor seen_by_cameras(const Dataset& dataset, Rasterizer& rasterizer, co
 }
 
 /// Mean distances over frames between a surface and the true surface, metres.
-struct TruthErrors {
+struct GroundTruthErrors {
   Mean vertex, hausdorff, surface, seen_surface;
 
   /// @param vertices, expected [N,3] @param seen bool [N]
@@ -268,9 +268,9 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
   const std::vector<CameraGroup> groups = group_by_size(dataset, cameras);
   const std::vector<SampleId> samples = evaluated_samples(dataset, split, options);
   Rasterizer rasterizer(faces);
-  GroundTruth truth(dataset);
+  GroundTruth ground_truth(dataset);
   OverlapMeans means;
-  TruthErrors errors;
+  GroundTruthErrors errors;
   ScanErrors scan_errors(dataset, samples, options);
   Progress progress(title, static_cast<std::int64_t>(samples.size()));
   for (std::size_t first = 0; first < samples.size(); first += kFramesAtOnce) {
@@ -280,7 +280,7 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
     const torch::Tensor vertices = surface(part).to(torch::kFloat32).contiguous();
     for (const CameraGroup& group : groups) means.add(group, overlaps(dataset, group, rasterizer, part, vertices));
     for (std::size_t b = 0; b < part.size(); ++b) {
-      const torch::Tensor expected = truth.at(part[b], vertices.size(1)),
+      const torch::Tensor expected = ground_truth.at(part[b], vertices.size(1)),
                           found = vertices[static_cast<std::int64_t>(b)];
       if (expected.defined()) errors.add(found, expected, faces, seen_by_cameras(dataset, rasterizer, expected, faces));
       scan_errors.add(part[b], found);

@@ -144,13 +144,13 @@ class TrackedEvaluation {
   }
 
   void draw_error_maps() {
-    GroundTruth truth(dataset_);
+    GroundTruth ground_truth(dataset_);
     const int camera = options_.input_camera.empty() ? dataset_.camera_indices(options_.cameras).front()
                                                      : dataset_.camera_index(options_.input_camera);
     const bool tracked = has_vertices();
     fs::create_directories(options_.error_maps);
     for (const SampleId& sample : samples_) {
-      const Tensor skin = skinned(sample)[0], expected = truth.at(sample, skin.size(0));
+      const Tensor skin = skinned(sample)[0], expected = ground_truth.at(sample, skin.size(0));
       if (!expected.defined() || !tracked)
         fail<UsageError>(
             "--error-maps needs the true surface of {} in the capture, and tracked surfaces (doppel track --vertices)",
@@ -164,12 +164,12 @@ class TrackedEvaluation {
 
   Json pose_scores() {
     if (!known_ || !rows_.defined()) return Json::object();
-    std::vector<Tensor> found, truth;
+    std::vector<Tensor> found, ground_truth;
     for (const SampleId& sample : samples_) {
       found.push_back(smoothed(sample, [&](long frame) { return joints(tracked_dofs(sample, frame)); }));
-      truth.push_back(joints(true_dofs(sample)));
+      ground_truth.push_back(joints(true_dofs(sample)));
     }
-    return compare_poses(torch::cat(found), torch::cat(truth)).to_json();
+    return compare_poses(torch::cat(found), torch::cat(ground_truth)).to_json();
   }
 
   template <typename Surface>

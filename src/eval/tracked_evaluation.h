@@ -34,7 +34,7 @@ struct TrackedRun {
 struct TrackedEvaluationOptions : EvaluationOptions {
   /// Standard deviation of the Gaussian over five frames (5.8) that smooths surfaces and joints, frames; 0: none.
   double smoothing = 0.0;
-  /// Folder for pictures of where the tracked surface is nearer to the true surface than the skinned template, as in
+  /// Folder for images of where the tracked surface is nearer to the true surface than the skinned template, as in
   /// Fig. 4.17: one for each frame, in the input camera or else the first. Empty: none.
   std::filesystem::path error_maps;
 };

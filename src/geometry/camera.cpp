@@ -14,10 +14,10 @@ namespace {
 constexpr double kAspectTolerance = 0.01;
 constexpr double kRotationTolerance = 1e-4;
 constexpr int kMaxSide = 1 << 16;
-constexpr double kLargestNumber = 1e9;
+constexpr double kMaxNumber = 1e9;
 constexpr int kMaxNewtonSteps = 40;
 constexpr double kConverged = 1e-13, kDifference = 1e-6, kTiny = 1e-12;
-constexpr double kLargestAngle = 1.55;  // radians; the tangent of pi / 2 is infinite
+constexpr double kMaxAngle = 1.55;  // radians; the tangent of pi / 2 is infinite
 
 using Coefficients = std::array<double, 14>;
 
@@ -81,7 +81,7 @@ Eigen::Vector2d Camera::distorted(const Eigen::Vector2d& point) const {
 std::optional<Eigen::Vector2d> Camera::undistorted(const Eigen::Vector2d& point) const {
   if (!has_distortion()) return point;
   Eigen::Vector2d x = point;
-  if (lens == Lens::fisheye) x *= std::tan(std::min(point.norm(), kLargestAngle)) / std::max(point.norm(), kTiny);
+  if (lens == Lens::fisheye) x *= std::tan(std::min(point.norm(), kMaxAngle)) / std::max(point.norm(), kTiny);
   for (int iteration = 0; iteration < kMaxNewtonSteps; ++iteration) {
     const Eigen::Vector2d residual = distorted(x) - point;
     if (!residual.allFinite()) return std::nullopt;
@@ -150,8 +150,8 @@ std::vector<std::string> Camera::faults() const {
     return found;
   }
   const double largest = std::max({K.cwiseAbs().maxCoeff(), t.cwiseAbs().maxCoeff()});
-  if (largest > kLargestNumber)
-    add(fmt::format("holds the number {:.3g}; no camera has one above {:g}", largest, kLargestNumber));
+  if (largest > kMaxNumber)
+    add(fmt::format("holds the number {:.3g}; no camera has one above {:g}", largest, kMaxNumber));
   if (K(0, 0) <= 0 || K(1, 1) <= 0) {
     add(fmt::format("the focal lengths are {} and {} pixels, they must be positive", K(0, 0), K(1, 1)));
   }

@@ -65,7 +65,7 @@ TrianglePoint closest_on_triangle(const Vector3d& p, const std::array<Vector3d, 
 }
 
 TriangleTree::TriangleTree(const std::vector<Vector3d>& vertices, const std::vector<Triangle>& faces)
-    : num_vertices_(static_cast<int>(vertices.size())), faces_(faces), place_(faces.size()) {
+    : num_vertices_(static_cast<int>(vertices.size())), faces_(faces), slot_(faces.size()) {
   check_faces(vertices.size(), faces);
   std::vector<Vector3d> centres;
   for (const Triangle& f : faces) centres.emplace_back(vertices[f[0]] + vertices[f[1]] + vertices[f[2]]);
@@ -130,7 +130,7 @@ int TriangleTree::add_leaf(const std::vector<int>& order, Range range) {
   for (int lane = 0; lane < kTreeWidth; ++lane) {
     const bool used = lane < range.count;
     leaf.face[lane] = order[range.first + (used ? lane : 0)];
-    if (used) place_[leaf.face[lane]] = index * kTreeWidth + lane;
+    if (used) slot_[leaf.face[lane]] = index * kTreeWidth + lane;
   }
   leaves_.push_back(leaf);
   return index;
@@ -189,8 +189,8 @@ void TriangleTree::try_triangle(const Vector3d& point, const TreeLeaf& leaf, int
 TriangleTree::Hit TriangleTree::closest(const Vector3d& point, int near_face) const {
   Hit best;
   if (near_face >= 0) {
-    const int place = place_[near_face];
-    try_triangle(point, leaves_[place / kTreeWidth], place % kTreeWidth, best);
+    const int slot = slot_[near_face];
+    try_triangle(point, leaves_[slot / kTreeWidth], slot % kTreeWidth, best);
   }
   // The nearest on top. A level adds at most all children but the one that is followed.
   std::array<std::pair<double, std::int32_t>, kMaxLevels * kTreeWidth> stack;

@@ -56,7 +56,7 @@ class TriangleTree {
 
   int num_vertices_;
   std::vector<Triangle> faces_;  ///< [F] in the mesh's order
-  std::vector<int> place_;       ///< [F] leaf * kTreeWidth + lane of each face
+  std::vector<int> slot_;        ///< [F] leaf * kTreeWidth + lane of each face
   std::vector<TreeNode> nodes_;  ///< the root first, children after their parents
   std::vector<TreeLeaf> leaves_;
   double margin_ = 0.0;  ///< of squared distances, above their rounding errors

@@ -17,11 +17,11 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr double kNearestPointDepth = 0.05;  // metres
-constexpr double kSmallestReciprocal = 1e-12;
+constexpr double kMinReciprocal = 1e-12;
 
 /// A matrix that measures how close three equations are to a dependent set: parallel rays fix no point.
 bool is_regular(const Matrix3d& sum) {
-  return sum.allFinite() && std::abs(sum.determinant()) > kSmallestReciprocal * std::pow(sum.trace(), 3);
+  return sum.allFinite() && std::abs(sum.determinant()) > kMinReciprocal * std::pow(sum.trace(), 3);
 }
 
 using Chosen = std::vector<const Sight*>;

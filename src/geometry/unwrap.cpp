@@ -123,7 +123,7 @@ class Occupancy {
 struct Chart {
   std::vector<int> faces;
   int direction;
-  Vector2d low, size, place;
+  Vector2d low, size, position;
 };
 
 std::array<Vector2d, 3> flat_face(const TriangleMesh& mesh, int face, int direction) {
@@ -169,7 +169,7 @@ bool pack(std::vector<Chart>& charts, double scale, double gutter) {
     const Vector2d size = scale * chart.size + Vector2d::Constant(2 * gutter);
     if (x + size.x() > 1) y += shelf, x = 0, shelf = 0;
     if (x + size.x() > 1 || y + size.y() > 1) return false;
-    chart.place = {x + gutter, y + gutter};
+    chart.position = {x + gutter, y + gutter};
     x += size.x();
     shelf = std::max(shelf, size.y());
   }
@@ -194,7 +194,7 @@ void unwrap(TriangleMesh& mesh, double gutter) {
         const int v = mesh.faces[f][c];
         const auto [entry, added] = corner.emplace(v, static_cast<int>(mesh.uvs.size()));
         if (added)
-          mesh.uvs.emplace_back(chart.place + scale * (flatten(mesh.vertices[v], chart.direction) - chart.low));
+          mesh.uvs.emplace_back(chart.position + scale * (flatten(mesh.vertices[v], chart.direction) - chart.low));
         mesh.face_uvs[f][c] = entry->second;
       }
   }

@@ -30,12 +30,12 @@ template <int L>
 using Vector = typename LaneTypes<L>::Vector;
 
 /// The widest useful number of lanes for this instruction set.
-constexpr int kWidestLanes = kVectorBytes / sizeof(float);
+constexpr int kMaxLanes = kVectorBytes / sizeof(float);
 
-/// The number of lanes for `count` remaining items: the smallest of 4, 8 and 16 that holds them, at most kWidestLanes.
+/// The number of lanes for `count` remaining items: the smallest of 4, 8 and 16 that holds them, at most kMaxLanes.
 inline int lanes_for(int64_t count) {
   int lanes = 4;
-  while (lanes < kWidestLanes && lanes < count) lanes *= 2;
+  while (lanes < kMaxLanes && lanes < count) lanes *= 2;
   return lanes;
 }
 
@@ -47,10 +47,10 @@ struct LaneCount {
 /// Calls work(LaneCount<lanes>{}). Widths that this instruction set lacks are not compiled.
 template <typename Work>
 inline void with_lanes(int lanes, const Work& work) {
-  if constexpr (kWidestLanes >= 16) {
+  if constexpr (kMaxLanes >= 16) {
     if (lanes == 16) return work(LaneCount<16>{});
   }
-  if constexpr (kWidestLanes >= 8) {
+  if constexpr (kMaxLanes >= 8) {
     if (lanes == 8) return work(LaneCount<8>{});
   }
   work(LaneCount<4>{});

@@ -51,9 +51,9 @@ SparseRows::SparseRows(const IndexRows& rows, const std::vector<double>& row_wei
   for (int row = 0; row < num_rows; ++row) {
     longest = std::max(longest, rows.size(row));
     for (int e = rows.offsets[row]; e < rows.offsets[row + 1]; ++e) {
-      const int place = next[rows.items[e]]++;
-      row_of[place] = row;
-      column_weights[place] = static_cast<float>(row_weights[e]);
+      const int position = next[rows.items[e]]++;
+      row_of[position] = row;
+      column_weights[position] = static_cast<float>(row_weights[e]);
     }
   }
   transposed_offsets = tensor_of(column_offsets, torch::kInt32);

@@ -1,6 +1,7 @@
 #pragma once
 
-/// Anchor loss: vertices stay at their places on another surface where the images do not move them. Not in the thesis.
+/// Anchor loss: vertices stay at their positions on another surface where the images do not move them. Not in the
+/// thesis.
 ///
 ///   L = mean over batch and vertices of |V_i - W_i|^2
 ///

@@ -15,11 +15,11 @@ using torch::Tensor;
 
 namespace {
 
-/// Rows of `places` [M,3] nearest to each of `points` [P,3], both finite. @return int64 [P]
-Tensor nearest_rows(const Tensor& points, const Tensor& places) {
+/// Rows of `positions` [M,3] nearest to each of `points` [P,3], both finite. @return int64 [P]
+Tensor nearest_rows(const Tensor& points, const Tensor& positions) {
   std::vector<Triangle> dots;  // a triangle without extent is a point
-  for (int i = 0; i < static_cast<int>(places.size(0)); ++i) dots.push_back({i, i, i});
-  const TriangleTree tree(positions_of(places), dots);
+  for (int i = 0; i < static_cast<int>(positions.size(0)); ++i) dots.push_back({i, i, i});
+  const TriangleTree tree(positions_of(positions), dots);
   const std::vector<Eigen::Vector3d> from = positions_of(points);
   const Tensor nearest = torch::empty({points.size(0)}, torch::kInt64);
   at::parallel_for(0, points.size(0), 128, [&](int64_t begin, int64_t end) {

@@ -158,9 +158,9 @@ ChebyshevNetworkImpl::ChebyshevNetworkImpl(const MeshTopology& topology, int inp
   };
   stem_ = make("stem", inputs, H, glorot(inputs, H));
   for (int i = 0; i < 2 * config.residual_blocks; ++i) {
-    const std::string place = fmt::format("block{}_unit{}", i / 2, i % 2);
-    norms_.emplace_back(register_module(place + "_norm", FeatureNorm(num_nodes_, H, config)));
-    convolutions_.emplace_back(make(place, H, H, glorot(H, H)));
+    const std::string unit_name = fmt::format("block{}_unit{}", i / 2, i % 2);
+    norms_.emplace_back(register_module(unit_name + "_norm", FeatureNorm(num_nodes_, H, config)));
+    convolutions_.emplace_back(make(unit_name, H, H, glorot(H, H)));
   }
   if (config.dense != DenseBlock::none) {
     dense_norm_ = register_module("dense_norm", FeatureNorm(num_nodes_, H, config));

@@ -30,12 +30,12 @@ FieldImage FieldViewer::draw(RadianceField& field, const FieldSurface& surface, 
   const RayInterval interval = guided_interval(seen, 0, pixels, faces(), surface.vertices, projection, near_mesh);
   const FieldPixels drawn =
       draw_field(field, closest_, surface, rays.origin, rays.direction, interval.near, interval.far, options);
-  const Tensor places = pixels.select(1, 1) * width + pixels.select(1, 0);
+  const Tensor positions = pixels.select(1, 1) * width + pixels.select(1, 0);
   FieldImage image;
-  image.colour = torch::zeros({height * width, 3}).index_copy_(0, places, drawn.colour).view({height, width, 3});
-  image.opacity = torch::zeros({height * width}).index_copy_(0, places, drawn.opacity).view({height, width});
+  image.colour = torch::zeros({height * width, 3}).index_copy_(0, positions, drawn.colour).view({height, width, 3});
+  image.opacity = torch::zeros({height * width}).index_copy_(0, positions, drawn.opacity).view({height, width});
   image.depth =
-      torch::zeros({height * width}).index_copy_(0, places, drawn.depth * (drawn.opacity > 0)).view({height, width});
+      torch::zeros({height * width}).index_copy_(0, positions, drawn.depth * (drawn.opacity > 0)).view({height, width});
   return image;
 }
 

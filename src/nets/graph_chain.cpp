@@ -62,7 +62,7 @@ GraphChain::GraphChain(const RingWeights& ring, const Layers& layers, WeightForm
       outputs_(layers.last.bias.size(1)),
       order_(ring.order),
       order_index_(ring.order.to(torch::kInt64)),
-      places_(ring.places.to(torch::kInt64)),
+      positions_(ring.positions.to(torch::kInt64)),
       dense_scale_(layers.dense_scale) {
   const torch::NoGradGuard no_grad;
   add_columns(ring);
@@ -79,17 +79,17 @@ void GraphChain::add_columns(const RingWeights& ring) {
   const auto values = ring.values.accessor<float, 1>();
   std::vector<int32_t> sorted, begins{0};
   scales_ = torch::empty({nodes_});
-  for (int64_t place = 0; place < nodes_; ++place) {
+  for (int64_t position = 0; position < nodes_; ++position) {
     float own = 0.0f;
-    for (int32_t e = offsets[place]; e < offsets[place + 1]; ++e)
-      if (columns[e] == place) own = values[e];
+    for (int32_t e = offsets[position]; e < offsets[position + 1]; ++e)
+      if (columns[e] == position) own = values[e];
     const float scale = own / static_cast<float>(rings_);
     for (int64_t count = rings_; count > 0; --count) {
-      for (int32_t e = offsets[place]; e < offsets[place + 1]; ++e)
+      for (int32_t e = offsets[position]; e < offsets[position + 1]; ++e)
         if (std::lround(values[e] / scale) == count) sorted.push_back(columns[e]);
       begins.push_back(static_cast<int32_t>(sorted.size()));
     }
-    scales_[place] = scale;
+    scales_[position] = scale;
   }
   begins_ = torch::tensor(at::ArrayRef<int32_t>(begins), torch::kInt32);
   columns_ = torch::tensor(at::ArrayRef<int32_t>(sorted), torch::kInt32);
@@ -207,7 +207,7 @@ Tensor GraphChain::forward(const Tensor& features) const {
   end.bias = last_bias_;
   end.keeps = true;
   run_step(end, products, kept, common);
-  return kept.narrow(1, 0, outputs_).index_select(0, places_).unsqueeze(0);
+  return kept.narrow(1, 0, outputs_).index_select(0, positions_).unsqueeze(0);
 }
 
 }  // namespace doppel

@@ -75,7 +75,7 @@ class GraphChain {
   int64_t nodes_, rings_, outputs_;
   torch::Tensor order_;          ///< int32 [K]
   torch::Tensor order_index_;    ///< the same in int64
-  torch::Tensor places_;         ///< int64 [K]
+  torch::Tensor positions_;      ///< int64 [K]
   torch::Tensor columns_;        ///< int16 (read as unsigned) or int32 [E], ring by ring
   torch::Tensor begins_;         ///< int32 [K R + 1]
   torch::Tensor scales_;         ///< [K]

@@ -20,7 +20,7 @@ void copy_weights(torch::nn::Module& from, torch::nn::Module& to) {
 }
 
 /// Rest positions [N,3] relative to the centre of the template's box, scaled to a largest coordinate of 1.
-torch::Tensor normalised_places(const Character& character) {
+torch::Tensor normalised_positions(const Character& character) {
   const torch::Tensor rest = rest_vertices(character);
   const torch::Tensor low = std::get<0>(rest.min(0)), high = std::get<0>(rest.max(0));
   return ((rest - 0.5 * (low + high)) / (0.5 * (high - low).max())).to(torch::kFloat32);
@@ -47,7 +47,7 @@ HybridImpl::HybridImpl(const Character& character, DeltaNet& deltanet, const Hyb
   motion = register_module("motion",
                            MotionGraphNet("motion features", character, config.motion, config.field.features, draw));
   field = register_module("field", RadianceField(config.field, draw));
-  if (config.field.place_octaves > 0) places_ = normalised_places(character);
+  if (config.field.place_octaves > 0) positions_ = normalised_positions(character);
   copy_weights(*deltanet, *refined);
   for (torch::Tensor& parameter : around->parameters()) parameter.requires_grad_(false);
   follow();
@@ -63,7 +63,7 @@ void HybridImpl::follow() { copy_weights(*refined, *around); }
 
 torch::Tensor HybridImpl::vertex_values(const torch::Tensor& dof_window) {
   const torch::Tensor features = motion->forward(last_rows(dof_window, config_.motion.past_frames))[0];
-  return places_.defined() ? torch::cat({features, places_.to(features)}, 1) : features;
+  return positions_.defined() ? torch::cat({features, positions_.to(features)}, 1) : features;
 }
 
 }  // namespace doppel

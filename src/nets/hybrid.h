@@ -57,7 +57,7 @@ class HybridImpl : public torch::nn::Module {
 
  private:
   HybridConfig config_;
-  torch::Tensor places_;  ///< rest positions [N,3], centred, largest coordinate 1; undefined without place_octaves
+  torch::Tensor positions_;  ///< rest positions [N,3], centred, largest coordinate 1; undefined without place_octaves
 };
 TORCH_MODULE(Hybrid);
 

@@ -43,8 +43,8 @@ PlainFieldImpl::PlainFieldImpl(const Tensor& vertices, const PlainFieldConfig& c
 }
 
 FieldValues PlainFieldImpl::at(RadianceField& network, const Tensor& points, const Tensor& direction) {
-  const Tensor place = positional_encoding((points - centre_) / half_size_, config_.position_octaves);
-  return network->forward(place, torch::zeros({points.size(0)}), direction);
+  const Tensor position = positional_encoding((points - centre_) / half_size_, config_.position_octaves);
+  return network->forward(position, torch::zeros({points.size(0)}), direction);
 }
 
 RenderedRays PlainFieldImpl::seen(RadianceField& network, const Tensor& origin, const Tensor& direction,
@@ -83,10 +83,10 @@ FieldImage PlainFieldImpl::draw(const Tensor& projection, int64_t height, int64_
   const PixelRays rays =
       pixel_rays(projection, torch::stack({all.remainder(width), torch::div(all, width, "floor")}, 1));
   const RayInterval box = through_box(rays.origin, rays.direction);
-  const Tensor places = (box.far > box.near).nonzero().squeeze(1);
+  const Tensor positions = (box.far > box.near).nonzero().squeeze(1);
   const Tensor colour = torch::zeros({height * width, 3}), opacity = torch::zeros({height * width}),
                depth = torch::zeros({height * width});
-  for (const Tensor& part : places.split(kRaysAtOnce)) {
+  for (const Tensor& part : positions.split(kRaysAtOnce)) {
     const RenderedRays drawn = render(rays.origin, rays.direction.index_select(0, part)).fine;
     colour.index_copy_(0, part, drawn.colour);
     opacity.index_copy_(0, part, drawn.opacity);

@@ -85,8 +85,8 @@ RadianceFieldImpl::RadianceFieldImpl(const RadianceFieldConfig& config, std::opt
 }
 
 int64_t RadianceFieldImpl::num_inputs() const {
-  const int64_t place = config_.place_octaves > 0 ? encoded(3, config_.place_octaves) : 0;
-  return config_.features + place + encoded(1, config_.distance_octaves);
+  const int64_t position = config_.place_octaves > 0 ? encoded(3, config_.place_octaves) : 0;
+  return config_.features + position + encoded(1, config_.distance_octaves);
 }
 
 RadianceFieldImpl::ImageLayers RadianceFieldImpl::image_layers() const {

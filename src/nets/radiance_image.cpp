@@ -175,9 +175,9 @@ class RayPainter {
     const RadianceFieldConfig& config = painted_.config;
     row = interpolate(hit, 0, config.features, row);
     if (config.place_octaves > 0) {
-      float place[3];
-      interpolate(hit, config.features, 3, place);
-      for (int axis = 0; axis < 3; ++axis) encode(place[axis], config.place_octaves, 3, row + axis);
+      float position[3];
+      interpolate(hit, config.features, 3, position);
+      for (int axis = 0; axis < 3; ++axis) encode(position[axis], config.place_octaves, 3, row + axis);
       row += 3 * (1 + 2 * config.place_octaves);
     }
     const double unit = hit.distance < 0 ? config.t_mi : config.t_ma;

@@ -14,7 +14,7 @@ using torch::Tensor;
 
 namespace {
 
-constexpr int kSmallest = 16, kLargest = 4096;
+constexpr int kMinSize = 16, kMaxSize = 4096;
 constexpr double kCentreUnit = 4.0;  // metres: scales camera positions to the magnitude of normals
 constexpr double kResidualHeadScale = 0.01;
 
@@ -39,7 +39,7 @@ TexNetConfig TexNetConfig::preset(const std::string& name) {
 void describe_keys(const Keys& keys, TexNetConfig& config) {
   bool other_preset = false;
   keys("preset", other_preset, {"paper"}, "the values of the thesis");
-  keys("size", config.size, between(kSmallest, kLargest), "texels along a side, a power of two");
+  keys("size", config.size, between(kMinSize, kMaxSize), "texels along a side, a power of two");
   keys.require("size", is_power_of_two(config.size), fmt::format("must be a power of two, found {}", config.size));
   keys("past_frames", config.past_frames, between(0, 100), "F, the past frames of the motion window");
   keys("levels", config.levels, between(0, std::min(10, log2_of(config.size))),
@@ -63,8 +63,8 @@ void TexNetConfig::check() const {
   const auto require = [&](bool met, const std::string& fault) {
     if (!met) faults += "\n  " + fault;
   };
-  require(is_power_of_two(size) && size >= kSmallest && size <= kLargest,
-          fmt::format("size must be a power of two between {} and {}, found {}", kSmallest, kLargest, size));
+  require(is_power_of_two(size) && size >= kMinSize && size <= kMaxSize,
+          fmt::format("size must be a power of two between {} and {}, found {}", kMinSize, kMaxSize, size));
   require(past_frames >= 0, fmt::format("past_frames must not be negative, found {}", past_frames));
   require(levels >= 0 && levels <= std::min(10, log2_of(size)),
           fmt::format("levels must lie between 0 (chosen by the size) and {}, found {}", std::min(10, log2_of(size)),

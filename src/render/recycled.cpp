@@ -12,7 +12,7 @@
 namespace doppel::render {
 namespace {
 
-constexpr std::size_t kSmallest = std::size_t{1} << 18, kMostKept = std::size_t{1} << 28, kAlignment = 64;
+constexpr std::size_t kMinBytes = std::size_t{1} << 18, kMaxKeptBytes = std::size_t{1} << 28, kAlignment = 64;
 
 /// Unused blocks, the longest unused first.
 class Store {
@@ -37,7 +37,7 @@ class Store {
     const std::lock_guard<std::mutex> lock(mutex_);
     blocks_.push_back({memory, size});
     kept_ += size;
-    while (kept_ > kMostKept) {
+    while (kept_ > kMaxKeptBytes) {
       std::free(blocks_.front().memory);
       kept_ -= blocks_.front().size;
       blocks_.pop_front();
@@ -65,7 +65,7 @@ Store& store() {
 torch::Tensor recycled_empty(torch::IntArrayRef sizes, torch::ScalarType dtype) {
   std::size_t bytes = torch::elementSize(dtype);
   for (const std::int64_t size : sizes) bytes *= as_size(size);
-  if (bytes < kSmallest) return torch::empty(sizes, dtype);
+  if (bytes < kMinBytes) return torch::empty(sizes, dtype);
   const std::size_t block = (bytes + kAlignment - 1) / kAlignment * kAlignment;
   void* memory = store().take(block);
   return torch::from_blob(

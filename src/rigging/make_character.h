@@ -18,7 +18,7 @@ struct RigOptions {
 /// graph. The graph is decimated from the outer surface of the solid, not from the mesh: the mesh may have several
 /// components, open borders and non-manifold edges.
 /// @param mesh the template in the rest pose, metres, y up
-/// @param joints at least the twelve limb joints; see complete_joints and place_inside
+/// @param joints at least the twelve limb joints; see complete_joints and move_inside
 /// @param solid the space inside of the mesh
 /// @throws Error as make_body_skeleton and heat_field
 Character make_character(const std::string& name, const TriangleMesh& mesh, const BodyJoints& joints,

@@ -7,7 +7,7 @@
 namespace doppel {
 namespace {
 
-constexpr double kLessDamping = 0.2, kMoreDamping = 10.0, kSmallestDamping = 1e-9;
+constexpr double kLessDamping = 0.2, kMoreDamping = 10.0, kMinDamping = 1e-9;
 
 /// Raises the damping until a step lowers the cost.
 /// @return whether such a step was found; `state`, `cost` and `length` are then those after the step
@@ -22,7 +22,7 @@ bool descend(LeastSquaresProblem& problem, Eigen::VectorXd& state, double& cost,
     state = std::move(candidate);
     cost = found;
     length = step.size() > 0 ? step.cwiseAbs().maxCoeff() : 0.0;
-    damping = std::max(kSmallestDamping, damping * kLessDamping);
+    damping = std::max(kMinDamping, damping * kLessDamping);
     return true;
   }
   return false;

@@ -23,18 +23,18 @@ constexpr int kMaximumInfluences = 5;
 /// Adds joints with known rest positions, and DoFs of the same names that drive the joints one to one.
 class SkeletonBuilder {
  public:
-  /// @param place position of the joint in the zero pose, world metres
-  int joint(const std::string& name, int parent, const Vector3d& place, const Vector3d& axis,
+  /// @param position position of the joint in the zero pose, world metres
+  int joint(const std::string& name, int parent, const Vector3d& position, const Vector3d& axis,
             Joint::Type type = Joint::Type::revolute) {
-    const Vector3d offset = parent < 0 ? place : Vector3d(place - places_[parent]);
+    const Vector3d offset = parent < 0 ? position : Vector3d(position - positions_[parent]);
     skeleton.joints.push_back({name, type, parent, offset, axis});
-    places_.push_back(place);
+    positions_.push_back(position);
     return skeleton.num_joints() - 1;
   }
 
-  int driven(const std::string& name, int parent, const Vector3d& place, const Vector3d& axis, double low,
+  int driven(const std::string& name, int parent, const Vector3d& position, const Vector3d& axis, double low,
              double high) {
-    const int j = joint(name, parent, place, axis);
+    const int j = joint(name, parent, position, axis);
     skeleton.dofs.push_back({name, {{j, 1.0}}, std::array<double, 2>{low, high}});
     return j;
   }
@@ -47,15 +47,15 @@ class SkeletonBuilder {
     return j;
   }
 
-  void marker(const std::string& name, const std::string& joint_name, const Vector3d& place) {
+  void marker(const std::string& name, const std::string& joint_name, const Vector3d& position) {
     const int j = *skeleton.find_joint(joint_name);
-    skeleton.markers.push_back({name, j, place - places_[j], 20.0});
+    skeleton.markers.push_back({name, j, position - positions_[j], 20.0});
   }
 
   Skeleton skeleton;
 
  private:
-  std::vector<Vector3d> places_;
+  std::vector<Vector3d> positions_;
 };
 
 /// Positions are relative to the root. The rest pose moves the root to its height.
@@ -105,9 +105,9 @@ void add_limbs(SkeletonBuilder& b, int root, bool left) {
 
 /// 17 landmarks of the body, then four of the face.
 void add_markers(SkeletonBuilder& b) {
-  const auto pair = [&](const std::string& name, const std::string& joint, const Vector3d& place) {
-    b.marker("right_" + name, "Right" + joint, placed(mirrored(place)));
-    b.marker("left_" + name, "Left" + joint, placed(place));
+  const auto pair = [&](const std::string& name, const std::string& joint, const Vector3d& position) {
+    b.marker("right_" + name, "Right" + joint, placed(mirrored(position)));
+    b.marker("left_" + name, "Left" + joint, placed(position));
   };
   b.marker("nose", "Head_rx", placed({0, 1.613, 0.131}));
   b.marker("neck", "Root_rx", placed({0, 1.42, -0.01}));

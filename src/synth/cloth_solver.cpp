@@ -59,7 +59,7 @@ ClothSolver::ClothSolver(const Cloth& cloth, const XpbdOptions& options)
     mobility_[v] = cloth.held[v] || mobility_[v] <= 0 ? 0.0 : 1 / mobility_[v];
   add_edges(cloth);
   add_folds(cloth);
-  place(cloth.rest);
+  move_to(cloth.rest);
 }
 
 void ClothSolver::add_edges(const Cloth& cloth) {
@@ -101,7 +101,7 @@ void ClothSolver::add_folds(const Cloth& cloth) {
   }
 }
 
-void ClothSolver::place(const std::vector<Vector3d>& positions) {
+void ClothSolver::move_to(const std::vector<Vector3d>& positions) {
   x_ = before_ = positions;
   velocity_.assign(positions.size(), Vector3d::Zero());
 }

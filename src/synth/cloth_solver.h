@@ -65,10 +65,10 @@ class ClothSolver {
  public:
   ClothSolver(const Cloth& cloth, const XpbdOptions& options);
 
-  /// Puts all vertices in places at rest. @param positions [V]
-  void place(const std::vector<Eigen::Vector3d>& positions);
+  /// Puts all vertices in positions at rest. @param positions [V]
+  void move_to(const std::vector<Eigen::Vector3d>& positions);
   /// Advances by dt seconds.
-  /// @param held [V] places of the held vertices at the end of the step; the other entries are not read
+  /// @param held [V] positions of the held vertices at the end of the step; the other entries are not read
   void step(double dt, const std::vector<Eigen::Vector3d>& held, const Obstacle* obstacle = nullptr);
 
   const std::vector<Eigen::Vector3d>& positions() const { return x_; }

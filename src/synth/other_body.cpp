@@ -60,10 +60,10 @@ void move_skeleton(Character& c, const BodyWarp::Map& map) {
   std::vector<Vector3d> from, to;
   const Vector3d root = BodyPlan::root();
   for (Joint& joint : c.skeleton.joints) {
-    const Vector3d place =
+    const Vector3d position =
         joint.parent < 0 ? Vector3d(root + joint.offset) : Vector3d(from[joint.parent] + joint.offset);
-    from.push_back(place);
-    to.push_back(map.bone_point(segment_of_joint(joint.name), place));
+    from.push_back(position);
+    to.push_back(map.bone_point(segment_of_joint(joint.name), position));
     if (joint.parent >= 0) joint.offset = to.back() - to[joint.parent];
   }
   for (Marker& marker : c.skeleton.markers) {

@@ -44,11 +44,11 @@ PosedBody::PosedBody(const Character& character)
   const std::vector<Affine3d> rest_from_joint = character.skeleton.pose(character.rest_dofs);
   for (const Group& group : groups_)
     for (const Part part : group) {
-      Place& place = places_[part];
-      place.joint = character.skeleton.joint_of_bone(bone_of(part), BoneRule::exact);
-      place.ball = ball_around(part);
-      place.joint_from_rest = rest_from_joint[place.joint].inverse();
-      place.world_from_rest.setIdentity();
+      PosedPart& posed = parts_[part];
+      posed.joint = character.skeleton.joint_of_bone(bone_of(part), BoneRule::exact);
+      posed.ball = ball_around(part);
+      posed.joint_from_rest = rest_from_joint[posed.joint].inverse();
+      posed.world_from_rest.setIdentity();
     }
   move(character.rest_dofs);
 }
@@ -78,11 +78,11 @@ void PosedBody::move(const std::vector<double>& dofs) {
   const std::vector<Affine3d> world_from_joint = character_.skeleton.pose(dofs);
   for (const Group& group : groups_)
     for (const Part part : group) {
-      Place& place = places_[part];
-      const Affine3d before = place.world_from_rest;
-      place.world_from_rest = world_from_joint[place.joint] * place.joint_from_rest;
-      place.rest_from_world = place.world_from_rest.inverse(Eigen::Isometry);
-      place.before_from_now = before * place.rest_from_world;
+      PosedPart& posed = parts_[part];
+      const Affine3d before = posed.world_from_rest;
+      posed.world_from_rest = world_from_joint[posed.joint] * posed.joint_from_rest;
+      posed.rest_from_world = posed.world_from_rest.inverse(Eigen::Isometry);
+      posed.before_from_now = before * posed.rest_from_world;
     }
 }
 
@@ -91,10 +91,10 @@ PosedBody::Near PosedBody::near(const Group& group, const Vector3d& p) const {
   distances.fill(kFar);
   Part nearest = group.front();
   for (const Part part : group) {
-    const Place& place = places_[part];
-    const Vector3d q = place.rest_from_world * p;
-    const double outside = place.ball.radius + kJoining;
-    if ((q - place.ball.centre).squaredNorm() > outside * outside) continue;
+    const PosedPart& posed = parts_[part];
+    const Vector3d q = posed.rest_from_world * p;
+    const double outside = posed.ball.radius + kJoining;
+    if ((q - posed.ball.centre).squaredNorm() > outside * outside) continue;
     distances[part] = field_.part_distance(part, q);
     if (distances[part] < distances[nearest]) nearest = part;
   }
@@ -122,7 +122,7 @@ std::optional<Touch> PosedBody::touch(const Vector3d& p, double thickness) const
   const Vector3d g = gradient(*touched, p);
   const double slope = g.norm();
   if (slope < 0.1) return std::nullopt;  // the middle of a part
-  return Touch{(thickness - deepest.distance) / slope, g / slope, p - places_[deepest.part].before_from_now * p};
+  return Touch{(thickness - deepest.distance) / slope, g / slope, p - parts_[deepest.part].before_from_now * p};
 }
 
 double PosedBody::distance(const Vector3d& p) const {
@@ -152,9 +152,9 @@ void SkinPatch::move(const std::vector<Vector3d>& surface) {
 }
 
 std::optional<Touch> SkinPatch::touch(const Vector3d& p, double thickness) const {
-  constexpr double kDeepest = 0.05;  // metres; the closest point of a deeper point may be on another limb
+  constexpr double kMaxDepth = 0.05;  // metres; the closest point of a deeper point may be on another limb
   const TriangleTree::Hit hit = tree_.closest(p);
-  if (hit.squared_distance > kDeepest * kDeepest) return std::nullopt;
+  if (hit.squared_distance > kMaxDepth * kMaxDepth) return std::nullopt;
   const Triangle& face = faces_[hit.face];
   Vector3d foot = Vector3d::Zero(), foot_before = foot;
   bool inside_patch = false;

@@ -52,7 +52,7 @@ class PosedBody {
   static Ball ball_around(Part part);
 
   /// A part on its bone.
-  struct Place {
+  struct PosedPart {
     int joint = 0;
     Ball ball;
     Eigen::Affine3d joint_from_rest, world_from_rest, rest_from_world;
@@ -62,7 +62,7 @@ class PosedBody {
   const Character& character_;
   BodyField field_;
   std::vector<Group> groups_;
-  std::array<Place, kNumParts> places_;
+  std::array<PosedPart, kNumParts> parts_;
 };
 
 /// The skinned surface of trousers, shoes, arms and hands. The surface is open below the skirt, so it has no inside: it

@@ -36,8 +36,8 @@ namespace fs = std::filesystem;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kLeadIn = 1.2;         ///< seconds before a take, in which the simulation of the clothes settles
-constexpr double kLargestTurn = 360.0;  ///< degrees per second
+constexpr double kLeadIn = 1.2;     ///< seconds before a take, in which the simulation of the clothes settles
+constexpr double kMaxTurn = 360.0;  ///< degrees per second
 
 void check(const SynthOptions& o) {
   const auto within = [](const char* what, long value, long low, long high) {
@@ -56,9 +56,9 @@ void check(const SynthOptions& o) {
         "doppel synth: the cloth model xpbd touches the actor's own body only, and the body is '{}'; give --cloth "
         "springs, or leave --body away",
         o.body);
-  if (!(std::abs(o.turn) <= kLargestTurn))
+  if (!(std::abs(o.turn) <= kMaxTurn))
     fail<UsageError>("doppel synth: the person turns by {} degrees per second; this must be {} to {}", o.turn,
-                     -kLargestTurn, kLargestTurn);
+                     -kMaxTurn, kMaxTurn);
 }
 
 Actor actor_of(const SynthOptions& options) {
@@ -140,8 +140,8 @@ std::vector<double> detect(const Studio& studio, int camera_index, const Camera&
 
 /// The simulated 3D estimates of a network: relative to the root, with an error that changes slowly (larger in depth)
 /// and noise in every frame.
-Points place(const Camera& camera, const Points& markers, const std::vector<int>& body25, int frame,
-             std::uint64_t key) {
+Points estimate_joints(const Camera& camera, const Points& markers, const std::vector<int>& body25, int frame,
+                       std::uint64_t key) {
   constexpr double kNoise = 0.025, kBias = 0.01, kPeriod = 40.0;  // metres, metres, frames
   constexpr std::size_t kMidHip = 8;
   Points result(body25.size(), Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
@@ -177,17 +177,17 @@ struct Set {
 
 void film(const Set& set, const std::string& name, int sequence, const std::vector<Take>& takes, Progress& progress) {
   SequenceWriter writer(set.root / name, set.cameras, set.options.fps);
-  NpyStream truth(set.root / "ground_truth" / name / "vertices.npy", {set.actor.character.num_vertices(), 3});
+  NpyStream ground_truth(set.root / "ground_truth" / name / "vertices.npy", {set.actor.character.num_vertices(), 3});
   const std::vector<int> body25 = body25_markers(set.actor.character.skeleton);
   Motion motion;
   for (const Take& take : takes)
-    for (std::size_t f = 0; f < take.truth.size(); ++f) {
+    for (std::size_t f = 0; f < take.ground_truth.size(); ++f) {
       if (stop_requested()) fail("doppel synth: stopped; nothing was saved");
       const int frame = motion.num_frames();
       motion.frames.push_back(take.motion.frames[f]);
       motion.ids.push_back(frame);
-      truth.append(flat(take.truth[f]));
-      set.studio.set_surface(take.truth[f]);
+      ground_truth.append(flat(take.ground_truth[f]));
+      set.studio.set_surface(take.ground_truth[f]);
       const Points markers = marker_positions(set.actor.character.skeleton, motion.frames.back());
       for (std::size_t c = 0; c < set.cameras.size(); ++c) {
         const int camera = static_cast<int>(c);
@@ -197,14 +197,15 @@ void film(const Set& set, const std::string& name, int sequence, const std::vect
         writer.write_keypoints(
             camera, frame,
             detect(set.studio, camera, set.cameras[c], markers, body25, hash_bits(~key ^ set.options.seed)));
-        writer.write_joints(camera, frame,
-                            place(set.cameras[c], markers, body25, frame, hash_bits(key ^ ~set.options.seed) + 1000));
+        writer.write_joints(
+            camera, frame,
+            estimate_joints(set.cameras[c], markers, body25, frame, hash_bits(key ^ ~set.options.seed) + 1000));
       }
       progress.advance(1, name);
     }
   writer.write_motion_rows(motion);
   writer.close();
-  truth.close();
+  ground_truth.close();
 }
 
 torch::Tensor in_cameras(const Points& vertices, const std::vector<Camera>& cameras) {
@@ -242,16 +243,16 @@ SynthReport measure(const Actor& actor, const std::vector<Camera>& cameras, cons
   report.dofs = c.num_dofs();
   Rasterizer rasterizer(face_tensor(c.mesh));
   int counted = 0;
-  for (std::size_t f = 0; f < test.truth.size(); ++f) {
+  for (std::size_t f = 0; f < test.ground_truth.size(); ++f) {
     for (int v = 0; v < c.num_vertices(); ++v) {
-      const double moved = (test.truth[f][v] - test.skinned[f][v]).norm();
+      const double moved = (test.ground_truth[f][v] - test.skinned[f][v]).norm();
       report.largest_displacement = std::max(report.largest_displacement, moved);
       if (actor.looseness[v] < 0.05) continue;
       report.mean_displacement += moved;
       ++counted;
     }
-    report.skinning_iou +=
-        silhouette_iou(rasterizer, cameras, test.skinned[f], test.truth[f]) / static_cast<double>(test.truth.size());
+    report.skinning_iou += silhouette_iou(rasterizer, cameras, test.skinned[f], test.ground_truth[f]) /
+                           static_cast<double>(test.ground_truth.size());
   }
   report.mean_displacement /= std::max(counted, 1);
   return report;
@@ -336,9 +337,9 @@ Take perform(const Actor& actor, int frames, double fps, std::uint64_t seed, con
   Take take;
   take.motion = make_motion(actor.character.skeleton, lead + frames, fps, seed, turn);
   const std::vector<Points> worn = skin_motion(actor.character, take.motion, actor.hang);
-  take.truth = cloth.model == ClothModel::xpbd ? drape_clothes(actor, worn, take.motion, fps, cloth.xpbd)
-                                               : move_clothes(actor, worn, fps, cloth.springs);
-  take.truth.erase(take.truth.begin(), take.truth.begin() + lead);
+  take.ground_truth = cloth.model == ClothModel::xpbd ? drape_clothes(actor, worn, take.motion, fps, cloth.xpbd)
+                                                      : move_clothes(actor, worn, fps, cloth.springs);
+  take.ground_truth.erase(take.ground_truth.begin(), take.ground_truth.begin() + lead);
   take.motion.frames.erase(take.motion.frames.begin(), take.motion.frames.begin() + lead);
   take.motion.ids.resize(frames);
   take.skinned = skin_motion(actor.character, take.motion, {});

@@ -33,7 +33,7 @@ std::vector<Points> skin_motion(const Character& character, const Motion& motion
 /// One continuous motion with the skinned and the true surface.
 struct Take {
   Motion motion;
-  std::vector<Points> skinned, truth;  ///< [F] of [N] world metres
+  std::vector<Points> skinned, ground_truth;  ///< [F] of [N] world metres
 };
 /// @param frames of the take. A lead-in for the cloth simulation is generated before the take and dropped.
 /// @param turn mean speed of the turn about the vertical axis, radians per second

@@ -154,7 +154,7 @@ class Lining {
   void add(int v, const std::vector<ClothRole>& roles);
   Vector3d carried(const Rider& rider, const Points& surface) const;
 
-  Points rest_, u_;  ///< [N] place in the rest pose, displacement from the skinned position
+  Points rest_, u_;  ///< [N] position in the rest pose, displacement from the skinned position
   MeshTopology topology_;
   std::vector<Rider> riders_;
   std::vector<int> ceiling_;  ///< vertices far from the outer face
@@ -168,16 +168,16 @@ Lining::Lining(const Actor& actor, const std::vector<ClothRole>& roles)
 
 void Lining::add(int v, const std::vector<ClothRole>& roles) {
   constexpr double kWall = 0.05, kAround = 0.06;  // metres, from the outer face and to the carriers
-  constexpr std::size_t kFewest = 6;
+  constexpr std::size_t kMinNeighbours = 6;
   std::vector<std::pair<double, int>> near;
   for (std::size_t w = 0; w < roles.size(); ++w)
     if (roles[w] == ClothRole::woven) near.emplace_back((rest_[v] - rest_[w]).norm(), static_cast<int>(w));
   std::sort(near.begin(), near.end());
-  if (near.size() < kFewest || near.front().first > kWall) {
+  if (near.size() < kMinNeighbours || near.front().first > kWall) {
     ceiling_.push_back(v);
     return;
   }
-  const double around = std::max(kAround, 1.01 * near[kFewest - 1].first);
+  const double around = std::max(kAround, 1.01 * near[kMinNeighbours - 1].first);
   Rider rider{v, {}, {}};
   double sum = 0;
   for (const auto& [distance, w] : near) {
@@ -191,7 +191,7 @@ void Lining::add(int v, const std::vector<ClothRole>& roles) {
   riders_.push_back(std::move(rider));
 }
 
-/// The place of a rider after the rigid motion that fits its carriers best.
+/// The position of a rider after the rigid motion that fits its carriers best.
 Vector3d Lining::carried(const Rider& rider, const Points& surface) const {
   Vector3d from = Vector3d::Zero(), to = Vector3d::Zero();
   for (std::size_t k = 0; k < rider.carriers.size(); ++k) {
@@ -262,7 +262,7 @@ Drape::Drape(const Actor& actor, const std::vector<Points>& worn, const Motion& 
       solver_(part_.cloth, options) {
   Points start;
   for (const int v : part_.vertex) start.push_back(worn[0][v]);
-  solver_.place(start);
+  solver_.move_to(start);
   move_body(0, 0);
 }
 

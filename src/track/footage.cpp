@@ -51,8 +51,8 @@ class PreparedReader : public FootageReader {
     if (crop.empty()) return whole;
     cv::Mat window;
     cv::resize(crop, window, {box.side, box.side}, 0.0, 0.0, cv::INTER_AREA);
-    const cv::Rect place = cv::Rect(box.u0, box.v0, box.side, box.side) & cv::Rect({}, whole.size());
-    window(place - cv::Point(box.u0, box.v0)).copyTo(whole(place));
+    const cv::Rect position = cv::Rect(box.u0, box.v0, box.side, box.side) & cv::Rect({}, whole.size());
+    window(position - cv::Point(box.u0, box.v0)).copyTo(whole(position));
     return whole;
   }
 

@@ -19,9 +19,9 @@ constexpr char kTitle[] = "doppel track";
 constexpr double kTurn = 10.0;  // degrees per key press
 
 void write_caption(cv::Mat& image, const std::string& caption) {
-  const cv::Point place(10, image.rows - 12);
-  cv::putText(image, caption, place, cv::FONT_HERSHEY_SIMPLEX, 0.5, {0, 0, 0}, 3, cv::LINE_AA);
-  cv::putText(image, caption, place, cv::FONT_HERSHEY_SIMPLEX, 0.5, {255, 255, 255}, 1, cv::LINE_AA);
+  const cv::Point position(10, image.rows - 12);
+  cv::putText(image, caption, position, cv::FONT_HERSHEY_SIMPLEX, 0.5, {0, 0, 0}, 3, cv::LINE_AA);
+  cv::putText(image, caption, position, cv::FONT_HERSHEY_SIMPLEX, 0.5, {255, 255, 255}, 1, cv::LINE_AA);
 }
 
 class FilmPreview : public Preview {

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "doppel/eval/pose_metrics.h"
+#include "doppel/track/surface_errors.h"
 #include "doppel/track/tracked_sequence.h"
-#include "doppel/track/truth.h"
 
 namespace doppel {
 

@@ -36,7 +36,7 @@ void describe_keys(const Keys& keys, DeltaNetRunConfig& config);
 
 /// Trains DeltaNet (6.7): displacements on top of EGNet's surface. Losses: silhouettes, chroma of the images, and a
 /// Laplacian that keeps the displacements smooth (6.15). Not in the thesis: `anchor`, which keeps vertices at their
-/// place on EGNet's surface where the images do not move them.
+/// position on EGNet's surface where the images do not move them.
 class DeltaNetStage : public CaptureStage {
  public:
   /// @param dataset, actor must outlive the stage

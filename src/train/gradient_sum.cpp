@@ -70,12 +70,12 @@ void GradientSum::send(Bucket& bucket) {
   const std::int64_t flags = bucket.values.numel() - count;
   for (std::int64_t i = 0; i < count; ++i) {
     const torch::Tensor& parameter = bucket.parameters[static_cast<std::size_t>(i)];
-    const torch::Tensor place =
+    const torch::Tensor part =
         bucket.values.narrow(0, bucket.offsets[static_cast<std::size_t>(i)], parameter.numel()).view_as(parameter);
     if (parameter.grad().defined())
-      place.copy_(parameter.grad());
+      part.copy_(parameter.grad());
     else
-      place.zero_();
+      part.zero_();
     bucket.values[flags + i] = parameter.grad().defined() ? 1.0f : 0.0f;
   }
   bucket.wait = ranks_->begin_sum(bucket.values);

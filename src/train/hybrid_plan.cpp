@@ -52,15 +52,15 @@ Schedule HybridPlan::schedule() const {
   return schedule;
 }
 
-HybridPlan::Place HybridPlan::at(std::int64_t step) const {
-  Place place;
+HybridPlan::Position HybridPlan::at(std::int64_t step) const {
+  Position position;
   for (const Part& part : parts()) {
     if (part.steps == 0) continue;
-    place = {part.phase, step == 0, part.variance};
-    if (step < part.steps) return place;
+    position = {part.phase, step == 0, part.variance};
+    if (step < part.steps) return position;
     step -= part.steps;
   }
-  return place;
+  return position;
 }
 
 bool HybridPlan::comes(HybridPhase phase, std::int64_t step) const {

@@ -29,13 +29,13 @@ class HybridPlan {
   std::int64_t iterations() const;
   Schedule schedule() const;
 
-  struct Place {
+  struct Position {
     HybridPhase phase = HybridPhase::field;
     bool first = false;     ///< the first step of this phase
     double variance = 0.0;  ///< lambda; in the joint phase that of the last round
   };
   /// @param step steps done so far
-  Place at(std::int64_t step) const;
+  Position at(std::int64_t step) const;
   /// Whether a step at or after `step` trains the field, and whether one trains the mesh.
   bool trains_field_from(std::int64_t step) const { return comes(HybridPhase::field, step); }
   bool trains_mesh_from(std::int64_t step) const { return comes(HybridPhase::refine, step); }

@@ -21,11 +21,11 @@ namespace {
 constexpr std::size_t kHybridStatisticsFrames = 512;
 constexpr int kImagesOfSplit = 3;
 /// Each cloud has at most `cloud_rays` points of 24 bytes; with the default all clouds need less than 600 MB.
-constexpr std::size_t kMostClouds = 500;
+constexpr std::size_t kMaxClouds = 500;
 /// A pixel of GuideImages takes 9 bytes, so all kept views need less than 600 MB. Further views are drawn in each step.
-constexpr std::int64_t kMostPixels = 64'000'000;
+constexpr std::int64_t kMaxPixels = 64'000'000;
 /// A vertex takes 12 bytes: 2,000 meshes of 5,500 vertices need 130 MB. All are dropped when one more is needed.
-constexpr std::size_t kMostMeshes = 2000;
+constexpr std::size_t kMaxMeshes = 2000;
 
 DeltaNet& deltanet_of(TrainedActor& actor) {
   if (!actor.deltanet)
@@ -106,30 +106,30 @@ HybridStage::HybridStage(const Dataset& dataset, TrainedActor& actor, const Hybr
 }
 
 LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
-  const HybridPlan::Place place = config_.plan.at(context.step);
-  if (place.phase == HybridPhase::joint || (place.phase == HybridPhase::field && place.first)) {
+  const HybridPlan::Position position = config_.plan.at(context.step);
+  if (position.phase == HybridPhase::joint || (position.phase == HybridPhase::field && position.first)) {
     model_->follow();
     forget_meshes();
   }
-  if (place.first) clouds_.clear();
+  if (position.first) clouds_.clear();
   const Tensor zero = torch::zeros({});
   Terms terms{no_radiance_loss(), {zero, zero}, zero, zero, zero, zero};
   const Tensor views = batch.valid[0].nonzero().squeeze(1);
-  if (views.size(0) > 0 && place.phase == HybridPhase::field) {
+  if (views.size(0) > 0 && position.phase == HybridPhase::field) {
     FixedMesh& mesh = fixed_mesh(batch);
     terms.field = field_loss(batch, views, mesh.vertices, &mesh, context);
   }
-  if (views.size(0) > 0 && place.phase != HybridPhase::field) {
+  if (views.size(0) > 0 && position.phase != HybridPhase::field) {
     const Tensor vertices = actor_.displaced(model_->refined, batch.dofs);
-    if (place.phase == HybridPhase::joint) terms.field = field_loss(batch, views, vertices[0], nullptr, context);
-    if (place.phase == HybridPhase::refine && config_.chamfer_weight > 0.0)
+    if (position.phase == HybridPhase::joint) terms.field = field_loss(batch, views, vertices[0], nullptr, context);
+    if (position.phase == HybridPhase::refine && config_.chamfer_weight > 0.0)
       terms.chamfer = cloud_loss(batch, views, vertices, context);
     compare_surface(batch, vertices, context, terms);
   }
   const auto rays = [count = static_cast<double>(terms.field.rays)] { return count; };
   return {{"colour", terms.field.colour, 1.0, rays},
           {"mask", terms.field.mask, 1.0, rays},
-          {"variance", terms.field.variance, place.variance, rays},
+          {"variance", terms.field.variance, position.variance, rays},
           {"chamfer", terms.chamfer, config_.chamfer_weight, same_on_all_ranks},
           {"model_to_data", terms.silhouette.model_to_data, config_.silhouette_weight, same_on_all_ranks},
           {"data_to_model", terms.silhouette.data_to_model, config_.silhouette_weight, same_on_all_ranks},
@@ -147,7 +147,7 @@ LossTerms HybridStage::validation_terms(const Batch& batch, StepContext& context
 
 HybridStage::FixedMesh& HybridStage::fixed_mesh(const Batch& batch) {
   const std::array<std::int64_t, 2> key{batch.sequence[0].item<std::int64_t>(), batch.frames[0].item<std::int64_t>()};
-  if (meshes_.size() >= kMostMeshes && meshes_.count(key) == 0) forget_meshes();
+  if (meshes_.size() >= kMaxMeshes && meshes_.count(key) == 0) forget_meshes();
   FixedMesh& mesh = meshes_[key];
   if (!mesh.vertices.defined()) {
     const torch::NoGradGuard no_grad;
@@ -173,7 +173,7 @@ GuideImages HybridStage::guide(const Batch& batch, std::int64_t view, const Tens
     fail("radiance: frame {}, camera {}: {}", batch.frames[0].item<std::int64_t>(),
          dataset().camera(static_cast<int>(camera)).name, error.what());
   }
-  if (mesh && kept_pixels_ + height * width <= kMostPixels) {
+  if (mesh && kept_pixels_ + height * width <= kMaxPixels) {
     mesh->views[camera] = drawn;
     kept_pixels_ += height * width;
   }
@@ -235,7 +235,7 @@ const PointCloud& HybridStage::cloud(const Batch& batch, std::int64_t view) {
                                         batch.cameras[0][view].item<std::int64_t>()};
   const auto found = clouds_.find(key);
   if (found != clouds_.end()) return found->second;
-  if (clouds_.size() >= kMostClouds) clouds_.clear();
+  if (clouds_.size() >= kMaxClouds) clouds_.clear();
   const torch::NoGradGuard no_grad;
   const Tensor projection = batch.image_projection[0][view];
   FixedMesh& mesh = fixed_mesh(batch);

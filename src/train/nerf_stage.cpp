@@ -19,9 +19,9 @@ Tensor random_pixels(const Tensor& mask, std::int64_t count, at::Generator& gene
   Tensor inside = mask.flatten().nonzero().squeeze(1);
   if (inside.size(0) == 0) inside = torch::arange(mask.numel(), torch::kInt64);
   const Tensor first = inside.index_select(0, torch::randint(0, inside.size(0), {count / 2}, generator, torch::kInt64));
-  const Tensor places =
+  const Tensor positions =
       torch::cat({first, torch::randint(0, mask.numel(), {count - count / 2}, generator, torch::kInt64)});
-  return torch::stack({places.remainder(width), torch::div(places, width, "floor")}, 1);
+  return torch::stack({positions.remainder(width), torch::div(positions, width, "floor")}, 1);
 }
 
 }  // namespace

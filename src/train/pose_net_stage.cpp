@@ -82,17 +82,17 @@ LossTerms PoseNetStage::loss(const Batch& batch, StepContext& context) {
     captured = capture(batch);
   }
   ProfileScope scope(*context.profile, "keypoints");
-  const PosePhases::Place place = config_.phases.at(context.step);
+  const PosePhases::Position position = config_.phases.at(context.step);
   const KeypointTarget target = keypoint_target(batch, captured.valid & batch.person_valid);
   return {{"keypoints",
-           keypoint_loss(captured.landmarks, target, landmark_weights(landmark_names_, place.progress),
+           keypoint_loss(captured.landmarks, target, landmark_weights(landmark_names_, position.progress),
                          config_.detections.loss),
-           place.phase->keypoints,
+           position.phase->keypoints,
            [this, points = captured.landmarks, target] {
              return static_cast<double>(keypoint_cameras(points, target, config_.detections.loss));
            }},
           {"limits", limits_loss(captured.theta, pose_.lower(), pose_.upper()),
-           place.phase->limits_weight(place.progress)}};
+           position.phase->limits_weight(position.progress)}};
 }
 
 std::vector<ReportImage> PoseNetStage::images() {

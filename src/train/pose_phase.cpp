@@ -51,7 +51,7 @@ Schedule PosePhases::schedule() const {
   return schedule;
 }
 
-PosePhases::Place PosePhases::at(std::int64_t step) const& {
+PosePhases::Position PosePhases::at(std::int64_t step) const& {
   for (const PosePhase& phase : phases_) {
     if (step < phase.iterations) return {&phase, static_cast<double>(step) / static_cast<double>(phase.iterations)};
     step -= phase.iterations;

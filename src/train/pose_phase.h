@@ -33,13 +33,13 @@ class PosePhases {
   /// The learning rate over all phases.
   Schedule schedule() const;
 
-  struct Place {
+  struct Position {
     const PosePhase* phase;
     double progress;  ///< of this phase, 0 to 1
   };
   /// @param step steps done so far
-  Place at(std::int64_t step) const&;
-  Place at(std::int64_t step) const&& = delete;
+  Position at(std::int64_t step) const&;
+  Position at(std::int64_t step) const&& = delete;
 
  private:
   friend void describe_keys(const Keys& keys, PosePhases& phases);

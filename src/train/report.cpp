@@ -141,7 +141,7 @@ std::string verdict(const std::string& name, const nlohmann::json& split) {
     }
     sentence += ".";
     if (const auto error = figure(split, best, "vertex_error_mm"))
-      cards.push_back({"vertex error", fmt::format("{:.1f} mm", *error), "against the truth"});
+      cards.push_back({"vertex error", fmt::format("{:.1f} mm", *error), "against the ground truth"});
   }
   if (const std::string best = best_method(split, "PSNR"); !best.empty())
     cards.push_back({"PSNR", fmt::format("{:.1f} dB", *figure(split, best, "PSNR")), best});

@@ -88,17 +88,17 @@ cv::Mat ViewCameras::read(View& view, long frame, bool mask) {
   if (frame < view.last_frame) view.images = open_frames(view.source, PixelFormat::colour);
   view.last_frame = frame;
   const cv::Mat filmed = view.images->read(frame);
-  cv::Mat picture = view.undistort.apply(filmed).clone();
-  if (!mask) return picture;
+  cv::Mat image = view.undistort.apply(filmed).clone();
+  if (!mask) return image;
   // Masks computed from images need no order, and learning an empty scene takes long.
   if (!view.masks || (frame < view.last_mask && !view.masks->needs_image()))
     view.masks = std::make_unique<MaskSource>(capture_, sequence_, view.camera, view.file_index);
   view.last_mask = frame;
-  paint_mask(picture, view.masks->read(frame, filmed));
-  return picture;
+  paint_mask(image, view.masks->read(frame, filmed));
+  return image;
 }
 
-std::string ViewCameras::picture(int camera, long row, bool mask) {
+std::string ViewCameras::image(int camera, long row, bool mask) {
   if (camera < 0 || as_size(camera) >= views_.size())
     fail<UsageError>("there is no camera {}; there are {}, counted from 0", camera, views_.size());
   if (mask && !has_masks()) fail<UsageError>("the sequence {} has no masks", sequence_.name);

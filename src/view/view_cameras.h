@@ -13,7 +13,7 @@
 
 namespace doppel {
 
-/// The cameras of a capture with their pictures of one sequence. Reading is thread-safe.
+/// The cameras of a capture with their images of one sequence. Reading is thread-safe.
 class ViewCameras {
  public:
   /// The cameras that have a video, or images, of the sequence; none when its files are missing.
@@ -32,7 +32,7 @@ class ViewCameras {
   /// most 1280 pixels. A video is decoded forwards; an earlier frame than before starts again.
   /// @param mask the person's mask is painted green
   /// @throws UsageError for a camera or mask that does not exist; FileError when the frame cannot be read
-  std::string picture(int camera, long row, bool mask);
+  std::string image(int camera, long row, bool mask);
 
  private:
   struct View;

@@ -10,7 +10,7 @@ namespace doppel {
 struct ViewFiles {
   /// `description.json`: `name`, `vertices`, `frames`, `frames_per_second`, `textured` (whether there is a
   /// texture.jpg), `cameras` and `training` (whether the
-  /// server has pictures of this motion, and a run), `rest` [D], `dofs` (`name`, `limits` if any), `joints` (`name`,
+  /// server has images of this motion, and a run), `rest` [D], `dofs` (`name`, `limits` if any), `joints` (`name`,
   /// `parent`, `moved_by`: reach_dofs.h) and `stages` (`name`, `past_frames`, `texture_size`, and `geometry`: the stage
   /// that has the same vertices). For a sequence without a character the lists are empty, and there are `points` [K]
   /// names and `sticks`: pairs of points with a line between them

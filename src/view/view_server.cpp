@@ -30,11 +30,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kLargestRequest = 1 << 20, kLargestMotion = 64 << 20;
+constexpr std::size_t kMaxRequestBytes = 1 << 20, kMaxMotionBytes = 64 << 20;
 constexpr std::chrono::milliseconds kLivePatience = kLiveBreak;
 constexpr int kSecondsToWait = 5, kSecondsKeptAlive = 2;
 constexpr std::size_t kConnections = 32;  // a browser opens six
-// Scripts, pictures and data from this server alone. The page sets styles of its own elements.
+// Scripts, images and data from this server alone. The page sets styles of its own elements.
 constexpr const char* kPolicy =
     "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'";
 
@@ -228,12 +228,12 @@ struct ViewServer::State {
     return *subject.cameras;
   }
 
-  std::string picture(const httplib::Request& request) {
+  std::string image(const httplib::Request& request) {
     const long frame = parameter<long>(request, "frame");
     const long frames = subject.sequence ? subject.sequence->frames : subject.motion.num_frames();
     if (frame < 0 || frame >= frames) fail<UsageError>("the capture has the frames 0..{}", frames - 1);
     const long row = frame + (subject.sequence ? subject.sequence->first_row : 0);
-    return cameras().picture(parameter<int>(request, "camera"), row, parameter<int>(request, "mask") != 0);
+    return cameras().image(parameter<int>(request, "camera"), row, parameter<int>(request, "mask") != 0);
   }
 
   const fs::path& run() const {
@@ -268,7 +268,7 @@ struct ViewServer::State {
   }
 
   void answer(const char* path, bool post, std::function<std::string(const httplib::Request&)> body,
-              const char* type = "application/octet-stream", std::size_t largest = kLargestRequest) {
+              const char* type = "application/octet-stream", std::size_t largest = kMaxRequestBytes) {
     const auto handler = [body, type](const httplib::Request& request, httplib::Response& response) {
       try {
         response.set_content(body(request), type);
@@ -321,16 +321,16 @@ struct ViewServer::State {
     add_footage();
     answer(
         "/api/motion", true, [this](const httplib::Request& request) { return take_motion(request); },
-        "application/json", kLargestMotion);
+        "application/json", kMaxMotionBytes);
   }
 
-  /// Pictures of cameras, and the training of a run.
+  /// Images of cameras, and the training of a run.
   void add_footage() {
     using Request = httplib::Request;
     answer(
         "/api/cameras", false, [this](const Request&) { return cameras().description(); }, "application/json");
     answer(
-        "/api/picture", false, [this](const Request& request) { return picture(request); }, "image/jpeg");
+        "/api/picture", false, [this](const Request& request) { return image(request); }, "image/jpeg");
     answer(
         "/api/training", false, [this](const Request&) { return training_state(run()); }, "application/json");
     answer(
@@ -347,7 +347,7 @@ struct ViewServer::State {
       const int yes = 1;
       setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
     });
-    server.set_payload_max_length(kLargestMotion);
+    server.set_payload_max_length(kMaxMotionBytes);
     server.set_read_timeout(kSecondsToWait);
     server.set_write_timeout(kSecondsToWait);
     server.set_keep_alive_timeout(kSecondsKeptAlive);

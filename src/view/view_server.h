@@ -21,7 +21,7 @@ namespace doppel {
 /// - `POST /api/motion?name=walk.bvh` with the bytes of a motion file: the motion is played from now on (motion_for);
 ///   JSON with `frames`, or 400 and what is wrong with the file
 /// - `GET /api/cameras`: the cameras of the capture, JSON (ViewCameras::description); 400 without cameras
-/// - `GET /api/picture?camera=0&frame=0&mask=0`: a JPEG of what the camera filmed (ViewCameras::picture)
+/// - `GET /api/picture?camera=0&frame=0&mask=0`: a JPEG of what the camera filmed (ViewCameras::image)
 /// - `GET /api/training`: the curves and images of the run so far, JSON (view_training.h); 400 for other targets
 /// - `GET /api/training_image?stage=0&image=0`: one of these images, JPEG
 /// - `POST /api/live?tracked=1` with float32 [D]: a pose of somebody who is tracked now (view_sender.h)

@@ -34,7 +34,7 @@ struct ViewSubject {
   std::optional<ViewSequence> sequence;  ///< shown instead of a character; `cameras` filmed it, and there is no stage
   double frames_per_second = 25.0;
   std::vector<ViewStage> stages;  ///< the best last
-  /// The cameras that filmed `motion`, frame i at row i; null: a motion from elsewhere, or no pictures
+  /// The cameras that filmed `motion`, frame i at row i; null: a motion from elsewhere, or no images
   std::shared_ptr<ViewCameras> cameras;
   std::filesystem::path run;  ///< whose training is shown; empty: none
 };

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kLargestImage = 64 << 20, kPoints = 500;
+constexpr std::size_t kMaxImageBytes = 64 << 20, kPoints = 500;
 
 /// The run itself when it trains one stage, and the stages of a chain, as far as they have begun.
 std::vector<RunFolder> begun_stages(const fs::path& run) {
@@ -87,7 +87,7 @@ std::string training_image(const fs::path& run, int stage, int image) {
   const std::vector<fs::path> files = image_files(stages[stage]);
   if (image < 0 || as_size(image) >= files.size())
     fail<UsageError>("there is no image {}; there are {}, counted from 0", image, files.size());
-  return read_file(files[image], kLargestImage);
+  return read_file(files[image], kMaxImageBytes);
 }
 
 }  // namespace doppel

@@ -38,7 +38,7 @@ TEST(BlendSkin, BonesThatMoveAlikeMoveTheirSkinRigidly) {
   }
 }
 
-TEST(BlendSkin, DualQuaternionsHalveATurnAboutAnyPlace) {
+TEST(BlendSkin, DualQuaternionsHalveATurnAboutAnyPosition) {
   const Vector3d axis = Vector3d(0, 1, 2).normalized(), joint(0.1, 0.5, -0.2), point(0.4, 0.7, 0.1);
   for (const double angle : {0.5, 2.0, 3.0}) {
     const SkinBlend blend({Affine3d::Identity(), turn_about(axis, angle, joint)}, SkinningMode::dual_quaternion);
@@ -53,7 +53,7 @@ TEST(BlendSkin, DualQuaternionsTurnTheShorterWay) {
   EXPECT_LT((blend.point(point, kTwoBones, kHalves) - turn_about(Vector3d::UnitZ(), M_PI) * point).norm(), 1e-12);
 }
 
-TEST(BlendSkin, LinearSkinningAveragesPlaces) {
+TEST(BlendSkin, LinearSkinningAveragesPositions) {
   const Affine3d turned = turn_about(Vector3d::UnitZ(), M_PI);
   const SkinBlend blend({Affine3d::Identity(), turned}, SkinningMode::linear);
   EXPECT_LT(blend.point({1, 0, 0}, kTwoBones, kHalves).norm(), 1e-12) << "the skin collapses to the axis";

@@ -46,7 +46,7 @@ TEST_F(ScaledTube, BonesHaveTheLengthInEveryPoseAndTheOthersKeepTheirs) {
   const std::vector<Joint>& joints = tube_.skeleton.joints;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const double length = joints[j].offset.norm();
-    if (length < BoneScales::kShortest || joints[j].parent < 0) continue;
+    if (length < BoneScales::kMinLength || joints[j].parent < 0) continue;
     const int segment = bone_name(joints[j].name).back() - '1';
     EXPECT_NEAR(scaled.skeleton.joints[j].offset.norm(), factors[segment] * length, 1e-12) << joints[j].name;
   }

@@ -80,7 +80,7 @@ TEST(AtomicFileRejects, AFailureInTheMiddleLeavesTheOldFile) {
   EXPECT_EQ(files_in(folder.path()), 1u);
 }
 
-TEST(AtomicFileRejects, PlacesThatCannotBeWritten) {
+TEST(AtomicFileRejects, PositionsThatCannotBeWritten) {
   const TemporaryFolder folder;
   write_atomically(folder / "file", std::string("x"));
   EXPECT_THROW(write_atomically(folder / "file/inside", std::string("y")), Error);

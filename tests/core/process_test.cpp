@@ -215,7 +215,7 @@ TEST(ProgressReference, Durations) {
   EXPECT_EQ(format_duration(-3), "0:00");
 }
 
-TEST(ErrorReference, PlacesComeFirst) {
+TEST(ErrorReference, PositionsComeFirst) {
   try {
     fail_at({"a.obj", 7}, "found {}", 3);
   } catch (const FileError& e) {

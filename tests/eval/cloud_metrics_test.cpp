@@ -29,7 +29,9 @@ class CloudMetrics : public ::testing::Test {
   static void TearDownTestSuite() { delete folder_; }
 
   CloudMetrics()
-      : dataset_(Dataset::open(prepared_)), character_(load_character(dataset_.character_path())), truth_(dataset_) {
+      : dataset_(Dataset::open(prepared_)),
+        character_(load_character(dataset_.character_path())),
+        ground_truth_(dataset_) {
     faces_ = torch::empty({character_.mesh.num_faces(), 3}, torch::kInt32);
     std::copy_n(character_.mesh.faces.data()->data(), faces_.numel(), faces_.data_ptr<int>());
   }
@@ -37,9 +39,9 @@ class CloudMetrics : public ::testing::Test {
     return evaluate_clouds(dataset_, Split::test, faces_, character_.num_vertices(), cloud, options, "cloud");
   }
   /// The true vertices, moved.
-  CloudFunction truth_moved(float by) {
+  CloudFunction ground_truth_moved(float by) {
     return [this, by](const ImageRequest& request) {
-      return truth_.at(request.samples.at(0), character_.num_vertices()) + by;
+      return ground_truth_.at(request.samples.at(0), character_.num_vertices()) + by;
     };
   }
 
@@ -47,14 +49,14 @@ class CloudMetrics : public ::testing::Test {
   static fs::path prepared_;
   Dataset dataset_;
   Character character_;
-  GroundTruth truth_;
+  GroundTruth ground_truth_;
   Tensor faces_;
 };
 TemporaryFolder* CloudMetrics::folder_ = nullptr;
 fs::path CloudMetrics::prepared_;
 
-TEST_F(CloudMetrics, TheTruthIsOnItself) {
-  const auto result = measure(truth_moved(0.0f));
+TEST_F(CloudMetrics, TheGroundTruthIsOnItself) {
+  const auto result = measure(ground_truth_moved(0.0f));
   ASSERT_TRUE(result);
   EXPECT_LT(result->noise_mm, 1e-3);
   EXPECT_EQ(result->points, character_.num_vertices());
@@ -64,7 +66,7 @@ TEST_F(CloudMetrics, TheTruthIsOnItself) {
 TEST_F(CloudMetrics, PointsOffTheSurfaceCountByTheirDistance) {
   // One point 3 m to the left of everything, one 4 m: their distances differ by 1 m.
   const auto far = [&](const ImageRequest& request) {
-    const Tensor vertices = truth_.at(request.samples.at(0), character_.num_vertices());
+    const Tensor vertices = ground_truth_.at(request.samples.at(0), character_.num_vertices());
     const Tensor left = vertices[std::get<1>(vertices.select(1, 0).min(0)).item<std::int64_t>()];
     return torch::stack({left - torch::tensor({3.0f, 0.0f, 0.0f}), left - torch::tensor({4.0f, 0.0f, 0.0f})});
   };
@@ -84,13 +86,13 @@ TEST_F(CloudMetrics, ChosenFramesAndCameras) {
         seen.push_back(request.samples.at(0).frame);
         EXPECT_EQ(request.camera, 1);
         EXPECT_EQ(request.projection.sizes(), at::IntArrayRef({1, 1, 3, 4}));
-        return truth_moved(0.0f)(request);
+        return ground_truth_moved(0.0f)(request);
       },
       options);
   EXPECT_EQ(seen, std::vector<long>{2});
   EXPECT_EQ(result->cameras.size(), 1u);
   options.frames = {77};
-  EXPECT_THAT(message_of([&] { measure(truth_moved(0.0f), options); }), HasSubstr("frame 77"));
+  EXPECT_THAT(message_of([&] { measure(ground_truth_moved(0.0f), options); }), HasSubstr("frame 77"));
 }
 
 TEST_F(CloudMetrics, WithoutAPointThereIsNothingToSay) {

@@ -50,16 +50,16 @@ TEST(VertexValues, RejectALimitOfZero) {
 }
 
 TEST(ErrorImprovement, RemovesTheTranslation) {
-  const Tensor truth = torch::rand({20, 3}, at::detail::createCPUGenerator(1));
+  const Tensor ground_truth = torch::rand({20, 3}, at::detail::createCPUGenerator(1));
   const Tensor shift = torch::tensor({0.1f, -0.4f, 2.0f});
-  Tensor worse = truth.clone();
+  Tensor worse = ground_truth.clone();
   worse[3][1] += 0.05f;
   worse[8][1] -= 0.05f;
-  const Tensor gain = error_improvement(truth + shift, worse, truth);
+  const Tensor gain = error_improvement(ground_truth + shift, worse, ground_truth);
   EXPECT_NEAR(gain[3].item<float>(), 0.05f, 1e-5f);
   EXPECT_NEAR(gain[8].item<float>(), 0.05f, 1e-5f);
   EXPECT_NEAR(gain.sum().item<float>(), 0.1f, 1e-4f);
-  EXPECT_NEAR(error_improvement(worse, truth, truth)[3].item<float>(), -0.05f, 1e-5f);
+  EXPECT_NEAR(error_improvement(worse, ground_truth, ground_truth)[3].item<float>(), -0.05f, 1e-5f);
 }
 
 }  // namespace

@@ -103,8 +103,8 @@ class FlickerOfACapture : public ::testing::Test {
  protected:
   FlickerOfACapture() : dataset_(Dataset::open(make_small_capture(folder_.path(), options()))) {
     faces_ = face_tensor(load_character(dataset_.character_path()).mesh);
-    const NpyArray truth = read_npy(folder_.path() / "ground_truth" / "dance" / "vertices.npy");
-    vertices_ = torch::tensor(truth.as<float>()).view({5, -1, 3});
+    const NpyArray ground_truth = read_npy(folder_.path() / "ground_truth" / "dance" / "vertices.npy");
+    vertices_ = torch::tensor(ground_truth.as<float>()).view({5, -1, 3});
   }
   static SmallCaptureOptions options() {
     SmallCaptureOptions options;

@@ -42,7 +42,7 @@ TEST(ImageScoresReference, EqualImages) {
   const cv::Mat image = noise(31, 22, 1);
   const ImageScores scores = compare_images(image, image.clone());
   EXPECT_EQ(scores.MSE, 0.0);
-  EXPECT_EQ(scores.PSNR, kHighestPsnr);
+  EXPECT_EQ(scores.PSNR, kMaxPsnr);
   EXPECT_NEAR(scores.SSIM, 1.0, 1e-12);
 }
 
@@ -123,8 +123,8 @@ class PhotometricCapture : public ::testing::Test {
     delete dataset_;
     delete folder_;
   }
-  /// The truth itself, `brighter` levels brighter, where the mask is.
-  static ImageFunction truth(int brighter) {
+  /// The ground truth itself, `brighter` levels brighter, where the mask is.
+  static ImageFunction ground_truth(int brighter) {
     return [brighter](const ImageRequest& request) {
       const std::vector<std::vector<int>> cameras(request.samples.size(), {request.camera});
       const Batch batch = make_batch(*dataset_, request.samples, cameras, {0, true, request.size});
@@ -133,10 +133,10 @@ class PhotometricCapture : public ::testing::Test {
       return RenderedImages{colour * batch.image_mask.unsqueeze(-1), batch.image_mask};
     };
   }
-  /// The same, which also draws the truth in the whole image: from the file, inside the mask.
-  static ImageFunction whole_truth(int brighter) {
+  /// The same, which also draws the ground truth in the whole image: from the file, inside the mask.
+  static ImageFunction whole_ground_truth(int brighter) {
     return [brighter](const ImageRequest& request) {
-      RenderedImages drawn = truth(brighter)(request);
+      RenderedImages drawn = ground_truth(brighter)(request);
       drawn.whole = [request, brighter](std::size_t b) {
         const SampleId& sample = request.samples[b];
         const std::string name = dataset_->camera(request.camera).name + "_" + std::to_string(sample.frame) + ".png";
@@ -182,11 +182,11 @@ Dataset* PhotometricCapture::dataset_ = nullptr;
 using PhotometricReference = PhotometricCapture;
 using PhotometricRejects = PhotometricCapture;
 
-TEST_F(PhotometricReference, TheTruthHasNoError) {
-  const PhotometricResult result = evaluate(truth(0));
+TEST_F(PhotometricReference, TheGroundTruthHasNoError) {
+  const PhotometricResult result = evaluate(ground_truth(0));
   ASSERT_EQ(result.cameras.size(), 3u);
   EXPECT_EQ(result.mean.masked.MSE, 0.0);
-  EXPECT_EQ(result.mean.masked.PSNR, kHighestPsnr);
+  EXPECT_EQ(result.mean.masked.PSNR, kMaxPsnr);
   EXPECT_NEAR(result.mean.masked.SSIM, 1.0, 1e-9);
   EXPECT_GT(result.mean.foreground, 0.05);
   // The studio's colour, BGR (60, 140, 60), is not drawn.
@@ -195,7 +195,7 @@ TEST_F(PhotometricReference, TheTruthHasNoError) {
 }
 
 TEST_F(PhotometricReference, AConstantErrorCountsByTheShareOfThePerson) {
-  const PhotometricResult result = evaluate(truth(10));
+  const PhotometricResult result = evaluate(ground_truth(10));
   for (const auto& [name, scores] : result.cameras)
     EXPECT_NEAR(scores.masked.MSE, 100.0 * scores.foreground, 1e-9) << name;
   EXPECT_NEAR(result.mean.masked.MSE, 100.0 * result.mean.foreground, 1e-9);
@@ -205,7 +205,7 @@ TEST_F(PhotometricReference, AConstantErrorCountsByTheShareOfThePerson) {
 
 TEST_F(PhotometricReference, PixelsThatAreNotDrawnAreTheMissingPart) {
   const auto upper_half = [](const ImageRequest& request) {
-    RenderedImages drawn = truth(10)(request);
+    RenderedImages drawn = ground_truth(10)(request);
     drawn.covered.slice(2, request.size / 2).zero_();
     return drawn;
   };
@@ -218,7 +218,7 @@ TEST_F(PhotometricReference, PixelsThatAreNotDrawnAreTheMissingPart) {
 
 TEST_F(PhotometricReference, WhatIsDrawnOutsideTheMaskCountsInTheFullImageOnly) {
   const auto everywhere = [](const ImageRequest& request) {
-    RenderedImages drawn = truth(0)(request);
+    RenderedImages drawn = ground_truth(0)(request);
     drawn.covered.fill_(1);
     return drawn;
   };
@@ -263,13 +263,13 @@ TEST_F(PhotometricReference, AFilmedProjectionCountsInPixelsOfTheCamera) {
         EXPECT_NEAR(found.flatten()[i].item<double>(), expected(i / 4, i % 4),
                     1e-3 * (1 + std::abs(expected(i / 4, i % 4))));
     }
-    return truth(0)(request);
+    return ground_truth(0)(request);
   });
 }
 
 TEST_F(PhotometricRejects, FilmedDrawingsOfAnotherSize) {
   const auto wrong = [](const ImageRequest& request) {
-    RenderedImages drawn = truth(0)(request);
+    RenderedImages drawn = ground_truth(0)(request);
     drawn.filmed = [sides = request.sides](std::size_t b) { return torch::zeros({sides[b] + 1, sides[b] + 1, 4}); };
     return drawn;
   };
@@ -285,7 +285,7 @@ TEST_F(PhotometricReference, ChosenCamerasAndFrames) {
       [&](const ImageRequest& request) {
         asked.insert(asked.end(), request.samples.begin(), request.samples.end());
         EXPECT_EQ(request.camera, 1);
-        return truth(3)(request);
+        return ground_truth(3)(request);
       },
       options);
   EXPECT_EQ(asked, (std::vector<SampleId>{{1, 0}, {1, 4}, {1, 8}}));
@@ -298,8 +298,8 @@ TEST_F(PhotometricReference, ChosenCamerasAndFrames) {
 TEST_F(PhotometricReference, TheEmptyStudioStandsBehindTheDrawing) {
   // Beside the person the images agree up to compression.
   const Dataset studio = with_studio("with_studio");
-  const PhotometricResult result = evaluate_images(studio, Split::test, truth(0), {}, "test");
-  EXPECT_LT(result.mean.full.MSE, 0.05 * evaluate(truth(0)).mean.full.MSE);
+  const PhotometricResult result = evaluate_images(studio, Split::test, ground_truth(0), {}, "test");
+  EXPECT_LT(result.mean.full.MSE, 0.05 * evaluate(ground_truth(0)).mean.full.MSE);
   EXPECT_THAT(photometric_protocol(studio).at("full").get<std::string>(), HasSubstr("empty studio"));
   EXPECT_THAT(photometric_protocol(*dataset_).at("full").get<std::string>(), HasSubstr("black"));
   EXPECT_EQ(photometric_protocol(*dataset_).at("crop"), 64);
@@ -308,11 +308,11 @@ TEST_F(PhotometricReference, TheEmptyStudioStandsBehindTheDrawing) {
 TEST_F(PhotometricReference, WholeImagesAreComparedAtTheResolutionOfTheCamera) {
   EvaluationOptions options;
   options.whole_frames = true;
-  const PhotometricScores exact = evaluate(whole_truth(0), options).mean;
+  const PhotometricScores exact = evaluate(whole_ground_truth(0), options).mean;
   EXPECT_EQ(exact.whole.value().MSE, 0.0);
-  EXPECT_EQ(exact.whole.value().PSNR, kHighestPsnr);
+  EXPECT_EQ(exact.whole.value().PSNR, kMaxPsnr);
   EXPECT_NEAR(exact.whole.value().SSIM, 1.0, 1e-12);
-  const PhotometricResult result = evaluate(whole_truth(10), options);
+  const PhotometricResult result = evaluate(whole_ground_truth(10), options);
   EXPECT_NEAR(result.mean.whole.value().MSE, 100.0 * share_of_the_person(), 1e-9);
   EXPECT_LT(result.mean.whole.value().SSIM, 1.0);
   EXPECT_FALSE(result.mean.whole_full);  // no image of the empty studio
@@ -327,16 +327,16 @@ TEST_F(PhotometricReference, WholeImagesOverTheEmptyStudio) {
   const Dataset studio = with_studio("with_studio_for_whole_images");
   EvaluationOptions options;
   options.whole_frames = true;
-  const PhotometricScores exact = evaluate_images(studio, Split::test, whole_truth(0), options, "test").mean;
+  const PhotometricScores exact = evaluate_images(studio, Split::test, whole_ground_truth(0), options, "test").mean;
   EXPECT_EQ(exact.whole_full.value().MSE, 0.0);
-  const PhotometricResult result = evaluate_images(studio, Split::test, whole_truth(10), options, "test");
+  const PhotometricResult result = evaluate_images(studio, Split::test, whole_ground_truth(10), options, "test");
   EXPECT_NEAR(result.mean.whole_full.value().MSE, 100.0 * share_of_the_person(), 1e-9);
   EXPECT_EQ(result.to_json().at("whole_full_MSE"), result.mean.whole_full->MSE);
   // Where the drawing covers the studio it differs from the image as filmed, and the mask hides this.
   const auto everywhere = [](const ImageRequest& request) {
-    RenderedImages drawn = truth(0)(request);
+    RenderedImages drawn = ground_truth(0)(request);
     drawn.whole = [request](std::size_t b) {
-      WholeDrawing whole = whole_truth(0)(request).whole(b);
+      WholeDrawing whole = whole_ground_truth(0)(request).whole(b);
       whole.colour = torch::where(whole.covered.unsqueeze(2), whole.colour, torch::zeros({1}));
       return WholeDrawing{whole.colour, torch::ones_like(whole.covered)};
     };
@@ -350,11 +350,11 @@ TEST_F(PhotometricReference, WholeImagesOverTheEmptyStudio) {
 TEST_F(PhotometricReference, WholeImagesAreComparedOnlyOnRequest) {
   EvaluationOptions options;
   options.whole_frames = true;
-  const auto without_whole = evaluate(truth(0), options);
+  const auto without_whole = evaluate(ground_truth(0), options);
   EXPECT_FALSE(without_whole.mean.whole);
   bool drawn_whole = false;
   const auto counted = [&](const ImageRequest& request) {
-    RenderedImages drawn = truth(0)(request);
+    RenderedImages drawn = ground_truth(0)(request);
     drawn.whole = [&](std::size_t) {
       drawn_whole = true;
       return WholeDrawing{};
@@ -376,7 +376,7 @@ TEST_F(PhotometricReference, LpipsComparesThePersonAlone) {
   options.cameras = {"c1"};
   options.frames = {3, 4};
   const auto outside = [](const ImageRequest& request) {
-    RenderedImages drawn = truth(0)(request);
+    RenderedImages drawn = ground_truth(0)(request);
     drawn.colour = torch::where(drawn.covered.unsqueeze(-1).ne(0), drawn.colour, torch::ones({1}));
     drawn.covered = torch::ones_like(drawn.covered);
     return drawn;
@@ -389,13 +389,13 @@ TEST_F(PhotometricReference, LpipsComparesThePersonAlone) {
     return (colour / 127.5 - 1.0).contiguous();
   };
   const double expected = options.lpips->distance(shown(0), shown(30)).mean().item<double>();
-  const PhotometricResult result = evaluate(truth(30), options);
+  const PhotometricResult result = evaluate(ground_truth(30), options);
   EXPECT_GT(expected, 1e-4);
   EXPECT_NEAR(result.mean.LPIPS.value(), expected, 1e-4 * expected);
   EXPECT_EQ(result.to_json().at("LPIPS"), *result.mean.LPIPS);
   EXPECT_THAT(photometric_protocol(*dataset_, options).at("LPIPS").get<std::string>(), HasSubstr("random weights"));
   options.lpips = nullptr;
-  EXPECT_FALSE(evaluate(truth(30), options).to_json().contains("LPIPS"));
+  EXPECT_FALSE(evaluate(ground_truth(30), options).to_json().contains("LPIPS"));
 }
 
 TEST_F(PhotometricReference, TheTableShowsTheNewFigures) {
@@ -405,7 +405,7 @@ TEST_F(PhotometricReference, TheTableShowsTheNewFigures) {
   options.frames = {3};
   nlohmann::ordered_json evaluation;
   evaluation["protocol"] = evaluation_protocol(*dataset_, {Split::test}, options);
-  evaluation["splits"]["test"]["lit"] = evaluate(whole_truth(10), options).to_json();
+  evaluation["splits"]["test"]["lit"] = evaluate(whole_ground_truth(10), options).to_json();
   const double mse = evaluation["splits"]["test"]["lit"]["whole_MSE"].get<double>();
   EXPECT_THAT(evaluation_table(evaluation), HasSubstr(fmt::format("whole MSE {:.2f}", mse)));
 }

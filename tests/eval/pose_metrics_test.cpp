@@ -49,7 +49,7 @@ TEST(PoseMetrics, ThePersonItselfIsPerfect) {
   EXPECT_NEAR(scores.MPJPE_mm, 0.0, 1e-9);
 }
 
-TEST(PoseMetrics, AShiftIsAnErrorOfPlaceOnly) {
+TEST(PoseMetrics, AShiftIsAnErrorOfPositionOnly) {
   const PoseScores scores = compare_poses(person() + torch::tensor({0.03, 0.0, 0.04}, torch::kFloat64), person());
   EXPECT_NEAR(scores.GLE_mm, 50.0, 1e-9);
   EXPECT_DOUBLE_EQ(scores.PCK, 100.0);
@@ -115,7 +115,7 @@ TEST(PoseMetrics, RejectsOtherShapes) {
               }),
               HasSubstr("at least one"));
   EXPECT_THAT(message_of<UsageError>([] { compare_poses(torch::zeros({2, 14, 3}), person()); }), HasSubstr("2 frames"));
-  EXPECT_THAT(message_of<UsageError>([] { compare_poses(person(), person() / 0.0); }), HasSubstr("truth"));
+  EXPECT_THAT(message_of<UsageError>([] { compare_poses(person(), person() / 0.0); }), HasSubstr("ground truth"));
 }
 
 TEST(SimilarityAlignment, UndoesAnySimilarity) {

@@ -65,7 +65,7 @@ class Capture3 : public ::testing::Test {
     for (const SampleId& sample : samples) rows.push_back(dataset_->dof_window(sample, 0)[0]);
     return torch::stack(rows);
   }
-  torch::Tensor truth(const std::vector<SampleId>& samples) const {
+  torch::Tensor ground_truth(const std::vector<SampleId>& samples) const {
     std::vector<torch::Tensor> rows;
     for (const SampleId& sample : samples) {
       const Motion& motion = dataset_->sequences()[sample.sequence].motion;
@@ -92,16 +92,16 @@ using SurfaceOverlapRejects = Capture3;
 
 TEST_F(SurfaceOverlapRecovers, TheTrueSurfaceFillsItsMasks) {
   // The masks were drawn from it through the same cameras, so only rounding in the files is left.
-  const auto result = evaluate([&](const auto& samples) { return truth(samples); });
+  const auto result = evaluate([&](const auto& samples) { return ground_truth(samples); });
   EXPECT_GT(result.AMVIoU, 0.999);
   EXPECT_LT(result.vertex_error_mm.value(), 0.01);
   ASSERT_EQ(result.cameras.size(), 3u);
   EXPECT_EQ(result.cameras[1].first, "c1");
 }
 
-TEST_F(SurfaceOverlapReference, AShiftOfTheTruthIsTheVertexError) {
+TEST_F(SurfaceOverlapReference, AShiftOfTheGroundTruthIsTheVertexError) {
   const auto result = evaluate([&](const auto& samples) {
-    return truth(samples) + torch::tensor({0.003f, 0.0f, 0.004f});
+    return ground_truth(samples) + torch::tensor({0.003f, 0.0f, 0.004f});
   });
   EXPECT_NEAR(result.vertex_error_mm.value(), 5.0, 0.01);
   // No point of a surface is farther from the shifted one than the shift; where it looks along the shift it is as far.
@@ -117,7 +117,7 @@ TEST_F(SurfaceOverlapReference, AShiftOfTheTruthIsTheVertexError) {
 TEST_F(SurfaceOverlapReference, WhatNoCameraSeesCountsOnlyInTheWholeSurface) {
   const torch::Tensor faces = faces_.to(torch::kInt64);
   const auto result = evaluate([&](const std::vector<SampleId>& samples) {
-    torch::Tensor surface = truth(samples);
+    torch::Tensor surface = ground_truth(samples);
     for (std::int64_t b = 0; b < surface.size(0); ++b) {
       torch::Tensor hidden = torch::ones({surface.size(1)}, torch::kBool);
       for (int c : dataset_->camera_indices({})) {
@@ -137,7 +137,8 @@ TEST_F(SurfaceOverlapReference, SkinningIsThinnerByTheKnownAmount) {
   CharacterSurface surface(character_);
   const auto result = evaluate([&](const auto& samples) { return surface->skinned(dofs(samples)); });
   EXPECT_NEAR(result.vertex_error_mm.value(), 20.0, 0.1);
-  // The tube's radius is about 0.08 m (0.064 the other way), the truth 0.02 thicker: the drawn share is about 0.78.
+  // The tube's radius is about 0.08 m (0.064 the other way), the ground truth 0.02 thicker: the drawn share is about
+  // 0.78.
   EXPECT_GT(result.AMVIoU, 0.70);
   EXPECT_LT(result.AMVIoU, 0.85);
   EXPECT_LT(result.outside, 0.01);
@@ -151,7 +152,7 @@ TEST_F(SurfaceOverlapReference, ChosenCamerasAndFrames) {
   options.every = 2;
   const auto count = [&](const auto& samples) {
     frames += static_cast<int>(samples.size());
-    return truth(samples);
+    return ground_truth(samples);
   };
   const auto result = evaluate(count, options);
   EXPECT_EQ(frames, 3);  // of 5
@@ -172,11 +173,11 @@ TEST_F(SurfaceOverlapReference, TheInputCameraIsCountedApart) {
   EXPECT_DOUBLE_EQ(result.RVIoU.value(), 0.5 * (result.cameras[0].second + result.cameras[2].second));
   EXPECT_DOUBLE_EQ(result.to_json()["SVIoU"], *result.SVIoU);
   options.cameras = {"c1"};
-  EXPECT_FALSE(evaluate([&](const auto& samples) { return truth(samples); }, options).RVIoU);
+  EXPECT_FALSE(evaluate([&](const auto& samples) { return ground_truth(samples); }, options).RVIoU);
   options.cameras = {"c0", "c2"};
-  EXPECT_THAT(
-      support::message_of<UsageError>([&] { evaluate([&](const auto& samples) { return truth(samples); }, options); }),
-      HasSubstr("input camera c1"));
+  EXPECT_THAT(support::message_of<UsageError>(
+                  [&] { evaluate([&](const auto& samples) { return ground_truth(samples); }, options); }),
+              HasSubstr("input camera c1"));
 }
 
 // The scans are planes above the person, so the distance of a vertex to its scan is known.
@@ -189,12 +190,12 @@ TEST_F(SurfaceOverlapReference, DistanceToScansIsAveragedOverTheirFrames) {
   double expected = 0.0;
   for (const long frame : {1L, 4L}) {
     write_obj(scans / "dance" / (std::to_string(frame) + ".obj"), plane, 1.0);
-    expected += 500.0 * (9.0 - truth({{1, frame}}).select(2, 1).mean().item<double>());
+    expected += 500.0 * (9.0 - ground_truth({{1, frame}}).select(2, 1).mean().item<double>());
   }
   EvaluationOptions options;
   options.scans = scans.path();
   options.scan_unit = 1.0;
-  const auto result = evaluate([&](const auto& samples) { return truth(samples); }, options);
+  const auto result = evaluate([&](const auto& samples) { return ground_truth(samples); }, options);
   EXPECT_NEAR(result.scan_distance_mm.value(), expected, 0.01);
   EXPECT_DOUBLE_EQ(result.to_json()["scan_distance_mm"], *result.scan_distance_mm);
   nlohmann::ordered_json evaluation;
@@ -206,7 +207,7 @@ TEST_F(SurfaceOverlapReference, DistanceToScansIsAveragedOverTheirFrames) {
 }
 
 TEST_F(SurfaceOverlapReference, WithoutScansThereIsNoDistanceToThem) {
-  const auto result = evaluate([&](const auto& samples) { return truth(samples); });
+  const auto result = evaluate([&](const auto& samples) { return ground_truth(samples); });
   EXPECT_FALSE(result.scan_distance_mm);
   EXPECT_FALSE(result.to_json().contains("scan_distance_mm"));
   EXPECT_FALSE(evaluation_protocol(*dataset_, {Split::test}, {}).contains("scans"));
@@ -218,12 +219,12 @@ TEST_F(SurfaceOverlapRejects, ScansOfOtherFrames) {
   options.scans = scans.path();
   const auto complaint = [&](const std::function<void()>& action) { return support::message_of<UsageError>(action); };
   EXPECT_THAT(complaint([&] { evaluation_protocol(*dataset_, {Split::test}, options); }), HasSubstr("dance/0.obj"));
-  EXPECT_THAT(complaint([&] { evaluate([&](const auto& samples) { return truth(samples); }, options); }),
+  EXPECT_THAT(complaint([&] { evaluate([&](const auto& samples) { return ground_truth(samples); }, options); }),
               HasSubstr("none of the 5 evaluated frames"));
 }
 
 TEST_F(SurfaceOverlapReference, JsonAndTableSayTheSame) {
-  const auto result = evaluate([&](const auto& samples) { return truth(samples); });
+  const auto result = evaluate([&](const auto& samples) { return ground_truth(samples); });
   nlohmann::ordered_json evaluation;
   evaluation["protocol"] = evaluation_protocol(*dataset_, {Split::test}, {});
   evaluation["splits"]["test"]["skinning"] = result.to_json();
@@ -237,16 +238,16 @@ TEST_F(SurfaceOverlapReference, JsonAndTableSayTheSame) {
 TEST_F(SurfaceOverlapRejects, UnknownCamera) {
   EvaluationOptions options;
   options.cameras = {"c9"};
-  EXPECT_THROW(evaluate([&](const auto& samples) { return truth(samples); }, options), UsageError);
+  EXPECT_THROW(evaluate([&](const auto& samples) { return ground_truth(samples); }, options), UsageError);
 }
 
-TEST_F(SurfaceOverlapRejects, TruthOfAnotherCharacter) {
+TEST_F(SurfaceOverlapRejects, GroundTruthOfAnotherCharacter) {
   const auto path = dataset_->capture().resolve("ground_truth/dance/vertices.npy");
   const std::string before = read_file(path);
   const std::vector<float> few(5 * 7 * 3, 0.0f);
   write_npy(path, few.data(), {5, 7, 3});
   try {
-    evaluate([&](const auto& samples) { return truth(samples); });
+    evaluate([&](const auto& samples) { return ground_truth(samples); });
     ADD_FAILURE() << "accepted";
   } catch (const Error& e) {
     EXPECT_THAT(e.what(), HasSubstr("[5,7,3]"));

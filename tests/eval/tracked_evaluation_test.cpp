@@ -44,17 +44,18 @@ class TrackedEvaluationTest : public ::testing::Test {
     fs::create_directories(out);
     Motion motion = sequence().motion;
     const auto root = character_->skeleton.root();
-    const Tensor truth = true_vertices();
+    const Tensor ground_truth = true_vertices();
     std::vector<float> vertices;
     for (long f = 0; f < motion.num_frames(); ++f) {
       const double moved = shift + (f % 2 == 1 ? jitter : 0.0);
       motion.frames[f][root.translation[0]] += moved / root.translation_weight[0];
-      const Tensor surface = truth[f] + torch::tensor({static_cast<float>(moved), 0.0f, 0.0f});
+      const Tensor surface = ground_truth[f] + torch::tensor({static_cast<float>(moved), 0.0f, 0.0f});
       if (f >= first_frame)
         vertices.insert(vertices.end(), surface.data_ptr<float>(), surface.data_ptr<float>() + surface.numel());
     }
     write_motion(out / "dance.motion", motion, true);
-    write_npy(out / "dance_vertices.npy", vertices.data(), {truth.size(0) - first_frame, truth.size(1), 3});
+    write_npy(out / "dance_vertices.npy", vertices.data(),
+              {ground_truth.size(0) - first_frame, ground_truth.size(1), 3});
     Capture capture = dataset_->capture();
     capture.sequences.erase(capture.sequences.begin());
     capture.sequences[0].motion = (out / "dance.motion").string();
@@ -103,12 +104,12 @@ TEST_F(TrackedEvaluationTest, SmoothingAveragesFiveFrames) {
   EXPECT_LT(evaluate(folder, options)["surface"]["vertex_error_mm"].get<double>(), 1e-3);
   options.smoothing = 1.0;
   const double one = std::exp(-0.5), two = std::exp(-2.0), share = 2.0 * one / (1.0 + 2.0 * one + 2.0 * two);
-  const Tensor truth = true_vertices();
-  Tensor mean = torch::zeros_like(truth[0]);
+  const Tensor ground_truth = true_vertices();
+  Tensor mean = torch::zeros_like(ground_truth[0]);
   const double weights[] = {two, one, 1.0, one, two};
-  for (int i = 0; i < 5; ++i) mean += truth[2 + i] * (weights[i] / (1.0 + 2.0 * one + 2.0 * two));
+  for (int i = 0; i < 5; ++i) mean += ground_truth[2 + i] * (weights[i] / (1.0 + 2.0 * one + 2.0 * two));
   mean.select(1, 0) += 0.1 * share;
-  const double expected = 1e3 * (mean - truth[4]).norm(2, 1).mean().item<double>();
+  const double expected = 1e3 * (mean - ground_truth[4]).norm(2, 1).mean().item<double>();
   EXPECT_NEAR(evaluate(folder, options)["surface"]["vertex_error_mm"].get<double>(), expected, 1e-2);
 }
 

@@ -20,7 +20,7 @@ namespace {
 
 using Path = std::filesystem::path;
 
-constexpr std::size_t kMostUnpacked = std::size_t{256} << 20;
+constexpr std::size_t kMaxUnpackedBytes = std::size_t{256} << 20;
 
 /// Type, sizes and numbers of a tensor as text.
 std::string content_of(const torch::Tensor& tensor) {
@@ -108,7 +108,7 @@ void check_script_bytes(std::string_view bytes, const Path& folder) {
     promise(!name.starts_with("code/") || content.find("__setstate__") == std::string::npos,
             "no code runs while a file is loaded");
   }
-  promise(unpacked <= kMostUnpacked + bytes.size(), "parts unpack into bounded memory");
+  promise(unpacked <= kMaxUnpackedBytes + bytes.size(), "parts unpack into bounded memory");
 }
 
 NamedWeights small_weights() {

@@ -15,7 +15,7 @@ void check_calibration(const Calibration& calibration) {
   for (Camera camera : calibration.cameras) {
     if (camera.width == 0 && camera.height == 0) camera.width = camera.height = 1;
     promise(camera.faults().empty(), "cameras have no faults");
-    promise(camera.centre().allFinite(), "cameras have a place");
+    promise(camera.centre().allFinite(), "cameras have a position");
     promise(names.insert(camera.name).second, "names of cameras differ");
   }
 }

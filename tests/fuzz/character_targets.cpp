@@ -124,15 +124,15 @@ void read_character_bytes(std::string_view bytes, const Path& folder) {
 void read_landmark_bytes(std::string_view bytes, const Path& folder) {
   const Character& character = small_character();
   const std::vector<Marker> landmarks = read_landmarks(written(bytes, folder, "a.csv"), character);
-  const auto places = landmark_positions(character.skeleton, landmarks, character.rest_dofs);
+  const auto positions = landmark_positions(character.skeleton, landmarks, character.rest_dofs);
   write_landmarks(folder / "again.csv", character, landmarks);
   const auto again = read_landmarks(folder / "again.csv", character);
-  const auto places_again = landmark_positions(character.skeleton, again, character.rest_dofs);
+  const auto positions_again = landmark_positions(character.skeleton, again, character.rest_dofs);
   promise(again.size() == landmarks.size(), "landmarks survive");
   for (std::size_t m = 0; m < landmarks.size(); ++m)
     promise(again[m].name == landmarks[m].name && again[m].joint == landmarks[m].joint &&
-                (places_again[m] - places[m]).norm() <= 2e-9 + 1e-12 * places[m].norm(),
-            "names, joints and places survive");
+                (positions_again[m] - positions[m]).norm() <= 2e-9 + 1e-12 * positions[m].norm(),
+            "names, joints and positions survive");
 }
 
 void read_segmentation_bytes(std::string_view bytes, const Path& folder) {

@@ -91,9 +91,9 @@ void check_tracks(const JointTracks& tracks) {
 
 /// What comes between a reader and retargeting: pairing with a character, and another rate.
 void check_use(const JointTracks& tracks) {
-  constexpr double kRate = 30, kMostFrames = 1000;
+  constexpr double kRate = 30, kMaxFrames = 1000;
   check_tracks(tracks);
-  if (tracks.num_frames() * tracks.seconds_per_frame * kRate < kMostFrames) check_tracks(resample(tracks, kRate));
+  if (tracks.num_frames() * tracks.seconds_per_frame * kRate < kMaxFrames) check_tracks(resample(tracks, kRate));
   static const Character character = support::tall_character();
   JointMap map;
   try {

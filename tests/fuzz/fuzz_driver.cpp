@@ -6,7 +6,7 @@
 //   fuzz_driver --replay FILE TARGET                              one input, in this process
 //
 // A target runs in a process of its own. A crash, a report of a sanitizer, a broken promise, more than 10 s of CPU for
-// one input or more than kMostMegabytes is a finding: the input is kept as `finding-TARGET-N` in the current folder,
+// one input or more than kMaxMegabytes is a finding: the input is kept as `finding-TARGET-N` in the current folder,
 // and the exit code is 1.
 
 #include <sys/mman.h>
@@ -38,10 +38,10 @@ namespace {
 
 using Path = std::filesystem::path;
 
-constexpr long kMostMegabytes = 700;
-constexpr unsigned kMostSeconds = 10;         ///< of CPU, so that a busy machine makes no findings
-constexpr unsigned kMostSecondsWaited = 600;  ///< for a reader that waits
-constexpr std::size_t kLargestInput = 4 << 20;
+constexpr long kMaxMegabytes = 700;
+constexpr unsigned kMaxSeconds = 10;         ///< of CPU, so that a busy machine makes no findings
+constexpr unsigned kMaxSecondsWaited = 600;  ///< for a reader that waits
+constexpr std::size_t kMaxInputBytes = 4 << 20;
 
 struct Options {
   long runs = 150;
@@ -55,7 +55,7 @@ struct Options {
 /// The input in work, which the parent process sees when its child has died.
 struct SharedInput {
   std::size_t size = 0;
-  char bytes[kLargestInput];
+  char bytes[kMaxInputBytes];
 };
 
 SharedInput* shared_input() {
@@ -86,12 +86,12 @@ long peak_megabytes() {
 
 /// Runs one input. @return whether it was accepted
 bool run_watched(const FuzzTarget& target, const std::string& bytes, const Path& folder, SharedInput& shared) {
-  shared.size = std::min(bytes.size(), kLargestInput);
+  shared.size = std::min(bytes.size(), kMaxInputBytes);
   std::memcpy(shared.bytes, bytes.data(), shared.size);
-  watch_time(kMostSeconds, kMostSecondsWaited);
+  watch_time(kMaxSeconds, kMaxSecondsWaited);
   const bool accepted = run_once(target, bytes, folder);
   watch_time(0, 0);
-  promise(peak_megabytes() < kMostMegabytes, "memory stays bounded");
+  promise(peak_megabytes() < kMaxMegabytes, "memory stays bounded");
   return accepted;
 }
 

@@ -71,7 +71,7 @@ void read_table_bytes(std::string_view bytes, const Path& folder) {
 
 void read_joint_table_bytes(std::string_view bytes, const Path& folder) {
   for (const auto& [frame, joints] : read_joint_detections(written(bytes, folder, "a.csv"), kThreePoints)) {
-    promise(joints.size() == kThreePoints.points.size(), "each point has a place");
+    promise(joints.size() == kThreePoints.points.size(), "each point has a position");
     for (const JointDetection& joint : joints) promise(joint.position.norm() <= 10, "joints are near the root");
   }
 }
@@ -88,9 +88,9 @@ void read_map_bytes(std::string_view bytes, const Path& folder) {
 
 void read_points_bytes(std::string_view bytes, const Path& folder, const char* name) {
   const SpacePoints points = read_space_points(written(bytes, folder, name));
-  for (const auto& [frame, places] : points.frames) {
-    promise(places.size() == points.names.size(), "each point has a name");
-    for (const auto& place : places) promise(!place || place->allFinite(), "points are finite");
+  for (const auto& [frame, row] : points.frames) {
+    promise(row.size() == points.names.size(), "each point has a name");
+    for (const auto& seen : row) promise(!seen || seen->allFinite(), "points are finite");
   }
 }
 
@@ -158,8 +158,8 @@ void add_keypoints(std::vector<FuzzTarget>& targets) {
   add("alphapose", "a.json", kAlphapose);
   add("deeplabcut", "a.csv", kDeeplabcut);
   add("wide", "a.csv", kWide);
-  const std::vector<float> places{1, 2, 3, 4};
-  static const std::string npy = npy_bytes(places.data(), "<f4", {1, 1, 2, 2});
+  const std::vector<float> row{1, 2, 3, 4};
+  static const std::string npy = npy_bytes(row.data(), "<f4", {1, 1, 2, 2});
   targets.push_back({"keypoints_freemocap",
                      [](std::string_view bytes, const Path& folder) { read_keypoint_bytes(bytes, folder, "a.npy"); },
                      {npy},

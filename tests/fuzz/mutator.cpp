@@ -8,7 +8,7 @@ namespace doppel::fuzz {
 
 namespace {
 
-constexpr std::size_t kMostBytes = 1 << 20, kMostChanges = 6;
+constexpr std::size_t kMaxBytes = 1 << 20, kMaxChanges = 6;
 constexpr std::array<std::uint64_t, 14> kEdges{
     0,      1,          2,          0x7F,       0x80,       0xFF,       0x7FFF,
     0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0x10000001, 0x7FC00000, ~std::uint64_t{0}};
@@ -25,8 +25,8 @@ Mutator::Mutator(std::vector<std::string> seeds, std::vector<std::string> dictio
 
 std::string Mutator::next() {
   std::string bytes = any_seed();
-  for (std::size_t changes = 1 + below(kMostChanges); changes > 0; --changes) change(bytes);
-  if (bytes.size() > kMostBytes) bytes.resize(kMostBytes);
+  for (std::size_t changes = 1 + below(kMaxChanges); changes > 0; --changes) change(bytes);
+  if (bytes.size() > kMaxBytes) bytes.resize(kMaxBytes);
   return bytes;
 }
 
@@ -72,7 +72,7 @@ void Mutator::change_part(std::string& bytes, std::size_t kind) {
   } else if (kind == 9) {
     const std::string part = bytes.substr(at, length);
     const std::size_t times = below(10) == 0 ? below(4000) : below(4);
-    for (std::size_t i = 0; i < times && bytes.size() < kMostBytes; ++i) bytes.insert(at, part);
+    for (std::size_t i = 0; i < times && bytes.size() < kMaxBytes; ++i) bytes.insert(at, part);
   } else if (kind == 10) {
     const std::string& other = any_seed();
     const std::size_t from = below(other.size() + 1);

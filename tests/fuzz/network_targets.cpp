@@ -15,7 +15,7 @@ namespace {
 using Path = std::filesystem::path;
 using support::OnnxFile;
 
-constexpr std::size_t kMostAdded = std::size_t{41} << 20;  ///< bytes that edits may add to a network
+constexpr std::size_t kMaxAddedBytes = std::size_t{41} << 20;  ///< bytes that edits may add to a network
 
 void read_tflite_bytes(std::string_view bytes, const Path& folder) {
   const NetworkModel model = read_tflite(written(bytes, folder, "a.tflite"));
@@ -63,7 +63,7 @@ void check_onnx_parts(std::string_view bytes) {
 
 void edit_onnx_bytes(std::string_view bytes, const Path& /*folder*/) {
   const std::string edited = readable_onnx(std::string(bytes));
-  promise(edited.size() <= bytes.size() * 2 + kMostAdded, "edits add little");
+  promise(edited.size() <= bytes.size() * 2 + kMaxAddedBytes, "edits add little");
   try {
     check_onnx_parts(bytes);
   } catch (const onnx::NoMessage&) {

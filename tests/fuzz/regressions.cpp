@@ -77,7 +77,7 @@ void add_fbx(std::vector<Regression>& all) {
   all.push_back(
       {"fbx_text", "nodes in a circle were followed for ever", changed_fbx([](auto& objects, auto& connections) {
          connections.insert(connections.begin(), connection(2, 3));
-         // Bind poses that disagree make the reader ask for the place of the mesh.
+         // Bind poses that disagree make the reader ask for the position of the mesh.
          objects[7].children[3].values = {std::vector<double>(16, 2.0)};
          connections.push_back(connection(1, 2));
        })});

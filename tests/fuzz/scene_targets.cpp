@@ -231,7 +231,7 @@ void read_obj_mesh(std::string_view bytes, const Path& folder) {
   promise(again.texture.size() == mesh.texture.size(), "the texture survives");
   promise(again.num_vertices() == mesh.num_vertices(), "vertices survive");
   for (std::size_t v = 0; v < mesh.vertices.size(); ++v)
-    promise((again.vertices[v] - mesh.vertices[v]).norm() <= 1e-12 * mesh.vertices[v].norm(), "places survive");
+    promise((again.vertices[v] - mesh.vertices[v]).norm() <= 1e-12 * mesh.vertices[v].norm(), "positions survive");
 }
 
 FuzzTarget obj_mesh_target() {

@@ -21,9 +21,9 @@ inline TriangleMesh make_sphere(int levels, double radius = 1) {
   for (int level = 0; level < levels; ++level) {
     std::map<std::pair<int, int>, int> middles;
     const auto middle = [&](int a, int b) {
-      const auto [place, fresh] = middles.emplace(std::minmax(a, b), mesh.num_vertices());
+      const auto [entry, fresh] = middles.emplace(std::minmax(a, b), mesh.num_vertices());
       if (fresh) mesh.vertices.push_back((mesh.vertices[a] + mesh.vertices[b]).normalized());
-      return place->second;
+      return entry->second;
     };
     std::vector<Triangle> faces;
     for (const auto& [a, b, c] : mesh.faces) {

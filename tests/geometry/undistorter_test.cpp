@@ -24,7 +24,7 @@ TEST(UndistorterReference, MovesPointsToThePinholesPixels) {
     const Eigen::Vector3d point = camera.R.transpose() * (offset + Eigen::Vector3d(0, 0, 2.5) - camera.t);
     const Eigen::Vector2d distorted = camera.project(point), expected = undistorter.pinhole().project(point);
     cv::Mat image = cv::Mat::zeros(300, 400, CV_8U);
-    // A soft dot: its centroid is the place to a fraction of a pixel. Pixel (c, r) has its centre at (c+0.5, r+0.5).
+    // A soft dot: its centroid is the position to a fraction of a pixel. Pixel (c, r) has its centre at (c+0.5, r+0.5).
     for (int row = 0; row < 300; ++row)
       for (int column = 0; column < 400; ++column) {
         const double dx = column + 0.5 - distorted.x(), dy = row + 0.5 - distorted.y();

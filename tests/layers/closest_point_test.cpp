@@ -95,11 +95,11 @@ TEST(ClosestPointReference, SignsAtTheEdgesAndVerticesOfATemplate) {
     for (int k = 0; k < 3; ++k) {
       const Vector3d corner = actor().vertices[actor().faces[f][k]];
       const Vector3d middle = 0.5 * (corner + actor().vertices[actor().faces[f][(k + 1) % 3]]);
-      for (const Vector3d& place : {corner, middle}) {
-        const Vector3d out = surface.closest(place).outward;
+      for (const Vector3d& position : {corner, middle}) {
+        const Vector3d out = surface.closest(position).outward;
         for (double step : {1e-5, 1e-4}) {
-          EXPECT_GT(surface.closest(place + step * out).distance, 0.1 * step);
-          EXPECT_LT(surface.closest(place - step * out).distance, -0.1 * step);
+          EXPECT_GT(surface.closest(position + step * out).distance, 0.1 * step);
+          EXPECT_LT(surface.closest(position - step * out).distance, -0.1 * step);
         }
       }
     }
@@ -111,11 +111,11 @@ TEST(ClosestPointAgrees, SearchAndReference) {
   const ClosestPoints expected = layer->forward(vertices, points);
   const ClosestPoints found = layer->forward(vertices.to(torch::kFloat32), points.to(torch::kFloat32));
   EXPECT_TRUE(is_near(found.distance, expected.distance, 1e-6));
-  const auto place = [&](const ClosestPoints& at) {
+  const auto position = [&](const ClosestPoints& at) {
     const Tensor w = at.weights.to(torch::kFloat64);
     return layer->interpolate({at.distance, w, at.face}, vertices);
   };
-  EXPECT_TRUE(is_near(place(found), place(expected), 1e-5));
+  EXPECT_TRUE(is_near(position(found), position(expected), 1e-5));
   EXPECT_GT((found.face == expected.face).to(torch::kFloat32).mean().item<float>(), 0.7);  // edges have two faces
   EXPECT_GE(found.weights.min().item<float>(), 0.0f);
   EXPECT_TRUE(is_near(found.weights.sum(-1), torch::ones({3, 400}), 1e-6));
@@ -129,7 +129,7 @@ TEST(ClosestPointAgrees, InAReferenceScope) {
   EXPECT_TRUE(is_near(layer->forward(vertices, points).distance, fast.distance, 2e-6));
 }
 
-// Few points, so that none stands where two places of the surface are equally close.
+// Few points, so that none stands where two positions of the surface are equally close.
 TEST(ClosestPointGradient, CentralDifferences) {
   const TriangleMesh sphere = support::make_sphere(1, 0.6);
   const ClosestPoint layer(sphere);

@@ -20,13 +20,13 @@ using torch::Tensor;
 
 constexpr int kCameras = 5, kLandmarks = 7;
 
-/// People of random landmarks at known places, seen by cameras some metres away; rays are off by `noise`.
+/// People of random landmarks at known positions, seen by cameras some metres away; rays are off by `noise`.
 struct Scene {
   explicit Scene(int64_t batch = 3, int64_t cameras = kCameras, double noise = 0.1, uint64_t seed = 1) {
     points = 0.5 * random_numbers({batch, kLandmarks, 3}, seed);
-    place = random_numbers({batch, 3}, seed + 1);
+    position = random_numbers({batch, 3}, seed + 1);
     rays.origin = 4.0 * random_numbers({batch, cameras, 3}, seed + 2);
-    const Tensor seen = (points + place.unsqueeze(1)).unsqueeze(1) - rays.origin.unsqueeze(2);
+    const Tensor seen = (points + position.unsqueeze(1)).unsqueeze(1) - rays.origin.unsqueeze(2);
     const Tensor off = seen + noise * random_numbers({batch, cameras, kLandmarks, 3}, seed + 3);
     rays.direction = off / off.norm(2, {-1}, true);
     rays.confidence =
@@ -37,7 +37,7 @@ struct Scene {
     rays.confidence.zero_();
     for (const auto& [c, m] : camera_and_landmark) rays.confidence.select(1, c).select(1, m).fill_(1.0);
   }
-  Tensor points, place;
+  Tensor points, position;
   LandmarkRays rays;
 };
 
@@ -91,9 +91,9 @@ TEST(GlobalAlignmentReference, EqualsGenericWeightedLeastSquares) {
   }
 }
 
-TEST(GlobalAlignmentReference, FindsThePlaceWithoutNoise) {
+TEST(GlobalAlignmentReference, FindsThePositionWithoutNoise) {
   const Scene scene(4, kCameras, 0.0);
-  EXPECT_TRUE(is_near(global_alignment(scene.points, scene.rays).translation, scene.place, 1e-12));
+  EXPECT_TRUE(is_near(global_alignment(scene.points, scene.rays).translation, scene.position, 1e-12));
 }
 
 TEST(GlobalAlignmentReference, APriorDoesNotMoveWhatTheRaysDetermine) {
@@ -119,7 +119,7 @@ TEST(GlobalAlignmentReference, OneCameraSuffices) {
   rays.confidence = torch::ones_like(rays.confidence);
   const GlobalAlignment found = global_alignment(scene.points, rays);
   EXPECT_TRUE(found.valid.all().item<bool>());
-  EXPECT_TRUE(is_near(found.translation, scene.place, 1e-9));
+  EXPECT_TRUE(is_near(found.translation, scene.position, 1e-9));
 }
 
 TEST(GlobalAlignmentGradient, EqualsCentralDifferences) {
@@ -194,7 +194,7 @@ TEST(GlobalAlignmentDegenerate, WithoutRaysThePriorIsTheAnswer) {
   expect_flagged(scene, prior);
 }
 
-TEST(GlobalAlignmentDegenerate, OneRayGivesThePlaceOnItNearestThePrior) {
+TEST(GlobalAlignmentDegenerate, OneRayGivesThePositionOnItNearestThePrior) {
   Scene scene;
   scene.see_only({{1, 4}});
   const Tensor prior = random_numbers({3, 3}, 9);

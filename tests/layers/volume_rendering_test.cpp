@@ -71,10 +71,10 @@ TEST(SampleByWeight, RaysWithoutLengthOrWeightAreHarmless) {
 TEST(SampleCells, OneInEveryCellBySeed) {
   const Tensor near = torch::full({500}, 1.0), far = torch::full({500}, 2.0);
   const auto draw = [&](uint64_t seed) { return sample_cells(near, far, 8, at::detail::createCPUGenerator(seed)).t; };
-  const Tensor t = draw(1), place = (t - 1.0) * 8.0 - torch::arange(8);
-  EXPECT_GT(place.min().item<float>(), -1e-5f);
-  EXPECT_LT(place.max().item<float>(), 1.0f + 1e-5f);
-  EXPECT_NEAR(place.mean().item<double>(), 0.5, 0.02);
+  const Tensor t = draw(1), position = (t - 1.0) * 8.0 - torch::arange(8);
+  EXPECT_GT(position.min().item<float>(), -1e-5f);
+  EXPECT_LT(position.max().item<float>(), 1.0f + 1e-5f);
+  EXPECT_NEAR(position.mean().item<double>(), 0.5, 0.02);
   EXPECT_TRUE(torch::equal(t, draw(1)));
   EXPECT_FALSE(torch::equal(t, draw(2)));
 }

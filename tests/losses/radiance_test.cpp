@@ -53,7 +53,7 @@ TEST(RadianceLoss, Gradients) {
       {{"colour", s.rays.colour}, {"opacity", s.rays.opacity}, {"variance", s.rays.variance}}));
 }
 
-// Density drawn together in one place lowers the loss; density behind what is opaque changes nothing.
+// Density drawn together in one position lowers the loss; density behind what is opaque changes nothing.
 TEST(RadianceLoss, VarianceCountsWhatIsSeen) {
   const RaySamples samples =
       sample_cells(torch::tensor({3.0}, torch::kFloat64), torch::tensor({3.08}, torch::kFloat64), 8);

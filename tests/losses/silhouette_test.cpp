@@ -62,7 +62,7 @@ SilhouetteTarget target_of_masks(const Tensor& masks, const Tensor& projection) 
 /// A sphere seen by cameras around it, and the masks of the same sphere elsewhere and larger.
 struct Scene {
   Mesh mesh;
-  Tensor vertices, truth;
+  Tensor vertices, ground_truth;
   SilhouetteTarget target;
 
   explicit Scene(std::int64_t batch = 2, std::int64_t size = 96, int rings = 14, int cameras = 3)
@@ -78,10 +78,10 @@ struct Scene {
       projections.push_back(torch::stack(one));
     }
     vertices = torch::stack(start);
-    truth = torch::stack(end);
+    ground_truth = torch::stack(end);
     const Tensor projection = torch::stack(projections).to(torch::kFloat32);
     Rasterizer rasterizer(mesh.faces);
-    target = target_of_masks(rasterizer.coverage_projected(truth, projection, size, size), projection);
+    target = target_of_masks(rasterizer.coverage_projected(ground_truth, projection, size, size), projection);
   }
 };
 
@@ -93,7 +93,7 @@ TEST(SilhouetteReference, IsZeroOnItsOwnOutlineAndRisesWithDistance) {
   const Scene s(1);
   double before = -1;
   for (const double shift : {0.0, 0.02, 0.05, 0.1}) {
-    const Tensor moved = s.truth.to(torch::kFloat64) + torch::tensor({0.0, shift, 0.0}, torch::kFloat64);
+    const Tensor moved = s.ground_truth.to(torch::kFloat64) + torch::tensor({0.0, shift, 0.0}, torch::kFloat64);
     const SilhouetteLoss loss = silhouette_loss(moved, s.mesh.faces, s.target);
     const double total = loss.total().item<double>();
     EXPECT_GT(total, before);
@@ -210,11 +210,11 @@ OutlinePoints outline_off_the_kinks(const Scene& s) {
 
 TEST(SilhouetteOutline, IsZeroOnItsOwnMaskAndGrowsBySquares) {
   const Scene s(1);
-  const Tensor truth = s.truth.to(torch::kFloat64);
-  const SilhouetteLoss own = silhouette_loss(truth, s.mesh.faces, s.target, on_outline());
+  const Tensor ground_truth = s.ground_truth.to(torch::kFloat64);
+  const SilhouetteLoss own = silhouette_loss(ground_truth, s.mesh.faces, s.target, on_outline());
   EXPECT_LT(own.total().item<double>(), 1e-6) << "pixels of the mask's edge are compared with pixels of the drawing's";
   const auto moved_by = [&](double shift) {
-    const Tensor moved = truth + torch::tensor({0.0, shift, 0.0}, torch::kFloat64);
+    const Tensor moved = ground_truth + torch::tensor({0.0, shift, 0.0}, torch::kFloat64);
     return silhouette_loss(moved, s.mesh.faces, s.target, on_outline());
   };
   const SilhouetteLoss near = moved_by(0.05), far = moved_by(0.1);
@@ -352,7 +352,7 @@ TEST(SilhouetteAgrees, InvalidCamerasContributeNothing) {
   EXPECT_EQ(gradient_of(nothing.total(), vertices).abs().max().item<float>(), 0);
 }
 
-TEST(SilhouetteRecovers, PlaceAndSizeOfASphereFromItsMasks) {
+TEST(SilhouetteRecovers, PositionAndSizeOfASphereFromItsMasks) {
   const Scene s(1, 160, 20, 4);
   Tensor shift = torch::zeros({3}).requires_grad_(), scale = torch::ones({1}).requires_grad_();
   torch::optim::Adam adam({shift, scale}, torch::optim::AdamOptions(0.01));
@@ -362,7 +362,7 @@ TEST(SilhouetteRecovers, PlaceAndSizeOfASphereFromItsMasks) {
     silhouette_loss(vertices, s.mesh.faces, s.target).total().backward();
     adam.step();
   }
-  const Tensor error = (s.vertices * scale + shift - s.truth).norm(2, 2).max();
+  const Tensor error = (s.vertices * scale + shift - s.ground_truth).norm(2, 2).max();
   EXPECT_LT(error.item<float>(), 0.006f);  // a pixel is 19 mm / 1.6
 }
 

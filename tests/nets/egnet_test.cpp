@@ -57,7 +57,7 @@ double largest(const Tensor& tensor) { return tensor.abs().max().item<double>();
 TEST(EgNetReference, SeesNothingInTheRestPose) {
   const Character character = make_test_character();
   EgNet net(character, small_config());
-  // Standing still in the rest pose, turned and moved: no node leaves its place but for the heading and root of the
+  // Standing still in the rest pose, turned and moved: no node leaves its position but for the heading and root of the
   // rest pose.
   Tensor dofs = torch::tensor(at::ArrayRef<double>(character.rest_dofs), torch::kFloat64);
   const auto root = character.skeleton.root();

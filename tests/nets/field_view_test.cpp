@@ -114,7 +114,7 @@ TEST(Hybrid, BeginsAsDeltaNetAndFollowsWhenTold) {
   for (const Tensor& parameter : hybrid->refined->parameters()) EXPECT_TRUE(parameter.requires_grad());
 }
 
-TEST(Hybrid, VerticesCarryFeaturesAndPlaces) {
+TEST(Hybrid, VerticesCarryFeaturesAndPositions) {
   const Character character = make_test_character();
   DeltaNetConfig small;
   small.sagcn.features = 4;
@@ -128,10 +128,10 @@ TEST(Hybrid, VerticesCarryFeaturesAndPlaces) {
   config.field.place_octaves = 2;
   const Tensor values = Hybrid(character, deltanet, config)->vertex_values(window);
   ASSERT_EQ(values.sizes(), at::IntArrayRef({character.num_vertices(), 7}));
-  const Tensor place = values.narrow(1, 4, 3), rest = rest_vertices(character).to(torch::kFloat32);
-  EXPECT_NEAR(place.abs().max().item<float>(), 1.0f, 1e-6f);
-  const double scale = (place[0] - place[1]).norm().item<double>() / (rest[0] - rest[1]).norm().item<double>();
-  EXPECT_TRUE(torch::allclose(place - place[0], scale * (rest - rest[0]), 1e-4, 1e-5));
+  const Tensor position = values.narrow(1, 4, 3), rest = rest_vertices(character).to(torch::kFloat32);
+  EXPECT_NEAR(position.abs().max().item<float>(), 1.0f, 1e-6f);
+  const double scale = (position[0] - position[1]).norm().item<double>() / (rest[0] - rest[1]).norm().item<double>();
+  EXPECT_TRUE(torch::allclose(position - position[0], scale * (rest - rest[0]), 1e-4, 1e-5));
 }
 
 TEST(PlainField, SeesOnlyItsBox) {

@@ -67,7 +67,7 @@ TEST(MotionWindowReference, MatrixAndDofNormalisationAgreeForCapturySkeletons) {
   EXPECT_LT(largest(joints_of(character, edited) - normalised_joints(character, window)), 1e-12);
 }
 
-TEST(MotionWindowReference, LastFrameStandsAtItsRestPlaceAndFacesForward) {
+TEST(MotionWindowReference, LastFrameStandsAtItsRestPositionAndFacesForward) {
   for (const auto& order : {std::array{'y', 'z', 'x'}, {'x', 'y', 'z'}, {'z', 'x', 'y'}}) {
     const Character character = character_with_root(order);
     const Tensor joints = normalised_joints(character, random_window(character, 3, 3));

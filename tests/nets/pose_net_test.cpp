@@ -133,11 +133,11 @@ TEST_F(Pretrained, WeightsOfEitherLayoutFit) {
     backbone->load_pretrained();
     const auto found = test::weights_of(*backbone);
     for (const auto& [name, expected] : weights) {
-      const auto place = std::find_if(found.begin(), found.end(),
+      const auto entry = std::find_if(found.begin(), found.end(),
                                       [&, key = "resnet." + name](const auto& item) { return item.first == key; });
       if (name.rfind("fc.", 0) == 0) continue;
-      ASSERT_NE(place, found.end()) << name;
-      EXPECT_TRUE(torch::equal(place->second, expected)) << name;
+      ASSERT_NE(entry, found.end()) << name;
+      EXPECT_TRUE(torch::equal(entry->second, expected)) << name;
     }
     EXPECT_TRUE(torch::equal(backbone->named_parameters()["head.weight"], head));
   }

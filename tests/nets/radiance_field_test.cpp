@@ -30,7 +30,7 @@ RadianceFieldConfig small_config() {
   return config;
 }
 
-RadianceFieldConfig with_place(RadianceFieldConfig config) {
+RadianceFieldConfig with_position(RadianceFieldConfig config) {
   config.place_octaves = 4;
   return config;
 }
@@ -83,17 +83,17 @@ TEST(RadianceField, BeginsTheSameWithTheSameGenerator) {
   EXPECT_FALSE(torch::equal(a->parameters()[0], c->parameters()[0]));
 }
 
-// Features that say nothing: without the place the field is one colour, with it an image finer than the mesh.
-TEST(RadianceField, SeesThePlaceWithinAFace) {
+// Features that say nothing: without the position the field is one colour, with it an image finer than the mesh.
+TEST(RadianceField, SeesThePositionWithinAFace) {
   RadianceFieldConfig config = small_config();
-  for (const bool place : {false, true}) {
-    if (place) config = with_place(config);
+  for (const bool positions : {false, true}) {
+    if (positions) config = with_position(config);
     RadianceField field(config);
     const Tensor values =
         torch::cat({torch::ones({9, 5}), torch::linspace(0.1, 0.2, 9).unsqueeze(1).expand({9, 3})}, 1);
     const Tensor colour =
         field->forward(values.narrow(1, 0, config.vertex_values()), torch::zeros({9}), torch::ones({9, 3})).colour;
-    EXPECT_EQ((colour - colour[0]).abs().max().item<float>() > 1e-2f, place);
+    EXPECT_EQ((colour - colour[0]).abs().max().item<float>() > 1e-2f, positions);
   }
 }
 
@@ -113,7 +113,7 @@ TEST(RadianceField, ColoursDependOnTheDirectionOnlyIfAsked) {
 TEST(RadianceField, Gradients) {
   auto generator = at::detail::createCPUGenerator(3);
   const auto random = [&](std::vector<int64_t> shape) { return torch::randn(shape, generator, torch::kFloat64); };
-  for (const RadianceFieldConfig& config : {small_config(), with_place(small_config())}) {
+  for (const RadianceFieldConfig& config : {small_config(), with_position(small_config())}) {
     RadianceField field(config);
     field->to(torch::kFloat64);
     EXPECT_TRUE(gradients_match(
@@ -177,7 +177,7 @@ void expect_drawn_as_rendered(const RadianceFieldConfig& config) {
 
 TEST(DrawField, EqualsRenderField) {
   expect_drawn_as_rendered({});
-  expect_drawn_as_rendered(with_place({}));
+  expect_drawn_as_rendered(with_position({}));
   RadianceFieldConfig same_from_everywhere;
   same_from_everywhere.view_dependent = false;
   expect_drawn_as_rendered(same_from_everywhere);

@@ -7,7 +7,7 @@
 #include "doppel/character/blend_skin.h"
 #include "doppel/core/statistics.h"
 #include "doppel/rigging/joints/body_skeleton.h"
-#include "doppel/rigging/joints/place_inside.h"
+#include "doppel/rigging/joints/move_inside.h"
 #include "doppel/rigging/make_character.h"
 #include "doppel/rigging/weights/bend_report.h"
 #include "doppel/rigging/weights/solid_surface.h"
@@ -33,11 +33,12 @@ std::vector<double> skin_check_errors(const support::RiggedBody& body, const Ski
   std::vector<Eigen::Affine3d> by_bone;
   for (const std::string& bone : skin.bones) by_bone.push_back(motions.at(bone));
   const auto ids = read_npy(body.folder / "skin_check_ids.npy").as<std::int64_t>();
-  const auto truth = read_npy(body.folder / "skin_check_posed.npy").as<double>();
+  const auto ground_truth = read_npy(body.folder / "skin_check_posed.npy").as<double>();
   const auto posed = SkinBlend(by_bone, SkinningMode::linear).vertices(body.mesh.vertices, skin);
   std::vector<double> errors;
   for (std::size_t i = 0; i < ids.size(); ++i)
-    errors.push_back(1e3 * (posed[ids[i]] - Vector3d(truth[3 * i], truth[3 * i + 1], truth[3 * i + 2])).norm());
+    errors.push_back(
+        1e3 * (posed[ids[i]] - Vector3d(ground_truth[3 * i], ground_truth[3 * i + 1], ground_truth[3 * i + 2])).norm());
   return errors;
 }
 
@@ -87,23 +88,23 @@ TEST_P(RealBodies, HaveMarkersAndLabelsWhereTheyBelong) {
   const support::RiggedBody body = read(0.02);
   const Character character = make_character(body.name, body.mesh, body.joints, body.solid);
   const auto rest = character.skeleton.pose(character.rest_dofs);
-  std::map<std::string, Vector3d> place;
-  for (const Marker& marker : character.skeleton.markers) place[marker.name] = rest[marker.joint] * marker.position;
+  std::map<std::string, Vector3d> position;
+  for (const Marker& marker : character.skeleton.markers) position[marker.name] = rest[marker.joint] * marker.position;
   const double trunk = (body.joints.at("neck") - body.joints.at("pelvis")).norm();
   // All bodies of this folder look along +z.
-  EXPECT_GT(place["nose"].z(), body.joints.at("head").z() + 0.1 * trunk);
-  EXPECT_GT(place["nose"].y(), body.joints.at("neck").y());
-  EXPECT_GT(place["left_eye"].y(), place["nose"].y());
-  EXPECT_LT(place["left_eye"].y(), place["head_top"].y());
-  EXPECT_GT(place["left_ear"].x(), place["left_eye"].x());
-  EXPECT_LT(place["left_ear"].z(), place["nose"].z());
-  EXPECT_LT(place["face-8"].y(), place["left_mouth"].y());
+  EXPECT_GT(position["nose"].z(), body.joints.at("head").z() + 0.1 * trunk);
+  EXPECT_GT(position["nose"].y(), body.joints.at("neck").y());
+  EXPECT_GT(position["left_eye"].y(), position["nose"].y());
+  EXPECT_LT(position["left_eye"].y(), position["head_top"].y());
+  EXPECT_GT(position["left_ear"].x(), position["left_eye"].x());
+  EXPECT_LT(position["left_ear"].z(), position["nose"].z());
+  EXPECT_LT(position["face-8"].y(), position["left_mouth"].y());
   for (const std::string side : {"left_", "right_"}) {
-    EXPECT_GT(place[side + "big_toe"].z(), place[side + "ankle"].z() + 0.1 * trunk) << side;
-    EXPECT_LT(place[side + "heel"].z(), place[side + "ankle"].z() + 0.05 * trunk) << side;
-    EXPECT_LT(place[side + "heel"].y(), 0.15 * trunk) << side;
+    EXPECT_GT(position[side + "big_toe"].z(), position[side + "ankle"].z() + 0.1 * trunk) << side;
+    EXPECT_LT(position[side + "heel"].z(), position[side + "ankle"].z() + 0.05 * trunk) << side;
+    EXPECT_LT(position[side + "heel"].y(), 0.15 * trunk) << side;
     const double out = side == "left_" ? 1 : -1;
-    EXPECT_GT(out * (place[side + "small_toe"].x() - place[side + "big_toe"].x()), 0.02 * trunk) << side;
+    EXPECT_GT(out * (position[side + "small_toe"].x() - position[side + "big_toe"].x()), 0.02 * trunk) << side;
   }
   std::map<int, Vector3d> sum;
   std::map<int, int> count;
@@ -124,17 +125,17 @@ TEST_P(RealBodies, PosesOfTheSameDofsLookTheSame) {
   const support::RiggedBody body = read(0.02);
   const BodySkeleton skeleton = make_body_skeleton(body.joints);
   const std::vector<TestPose> poses = test_poses(skeleton.skeleton, skeleton.rest_dofs);
-  const auto place = [&](const TestPose& pose, const std::string& joint) {
+  const auto position = [&](const TestPose& pose, const std::string& joint) {
     return Vector3d(skeleton.skeleton.pose(pose.dofs)[*skeleton.skeleton.find_joint(joint)].translation());
   };
   const double trunk = (body.joints.at("neck") - body.joints.at("pelvis")).norm();
   for (const std::string side : {"Left", "Right"}) {
     const TestPose &up = poses[0], &forward = poses[1], &squat = poses[2];
-    EXPECT_GT(place(up, side + "Hand_ry").y(), place(up, "Head_rx").y() + 0.3 * trunk);
-    EXPECT_GT(place(forward, side + "ForeArm_ry").z(), place(forward, side + "Arm_rx").z() + 0.3 * trunk);
-    EXPECT_LT((place(forward, side + "Hand_ry") - place(forward, side + "Arm_rx")).norm(), 0.75 * trunk);
-    EXPECT_LT(place(squat, "Root_rx").y() - place(squat, side + "Foot_rz").y(), 1.2 * trunk);
-    EXPECT_GT(place(squat, side + "Leg_rx").z(), place(squat, "Root_rx").z() + 0.4 * trunk);
+    EXPECT_GT(position(up, side + "Hand_ry").y(), position(up, "Head_rx").y() + 0.3 * trunk);
+    EXPECT_GT(position(forward, side + "ForeArm_ry").z(), position(forward, side + "Arm_rx").z() + 0.3 * trunk);
+    EXPECT_LT((position(forward, side + "Hand_ry") - position(forward, side + "Arm_rx")).norm(), 0.75 * trunk);
+    EXPECT_LT(position(squat, "Root_rx").y() - position(squat, side + "Foot_rz").y(), 1.2 * trunk);
+    EXPECT_GT(position(squat, side + "Leg_rx").z(), position(squat, "Root_rx").z() + 0.4 * trunk);
   }
 }
 
@@ -155,7 +156,7 @@ TEST_F(RealPlacement, ImprovesDisturbedJointsAndKeepsGoodOnes) {
         BodyJoints joints = body.joints;
         for (auto& entry : joints.positions)
           entry.second += noise * Vector3d(normal(random), normal(random), normal(random)).normalized();
-        const Placement placement = place_inside(joints, body.solid);
+        const Placement placement = move_inside(joints, body.solid);
         EXPECT_LE(placement.outside_after, placement.outside_before);
         for (const std::string part : {"elbow", "wrist", "knee", "ankle"})
           for (const std::string side : {"left_", "right_"})
@@ -175,15 +176,15 @@ class RealScans : public support::SharedFolderTest, public ::testing::WithParamI
 
 TEST_P(RealScans, OfOneSurfaceBecomeCharacters) {
   const auto folder = shared_ / "bodies" / GetParam();
-  nlohmann::json truth;
-  std::ifstream(folder / "scan_truth.json") >> truth;
+  nlohmann::json ground_truth;
+  std::ifstream(folder / "scan_truth.json") >> ground_truth;
   Eigen::Affine3d scan_from_body;
   for (int r = 0; r < 4; ++r)
-    for (int c = 0; c < 4; ++c) scan_from_body.matrix()(r, c) = truth["scan_from_body"][r][c].get<double>();
+    for (int c = 0; c < 4; ++c) scan_from_body.matrix()(r, c) = ground_truth["scan_from_body"][r][c].get<double>();
   TriangleMesh mesh = read_obj(folder / "scan.obj", 1.0);
   const Eigen::Affine3d body_from_scan = scan_from_body.inverse();
   for (Vector3d& p : mesh.vertices) p = body_from_scan * p;
-  BodyJoints joints = support::true_joints(truth["landmarks"], 1.0);
+  BodyJoints joints = support::true_joints(ground_truth["landmarks"], 1.0);
   for (auto& entry : joints.positions) entry.second = body_from_scan * entry.second;
   VoxelSolidOptions options;
   options.cell = 0.01;

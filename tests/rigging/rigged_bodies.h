@@ -25,7 +25,7 @@ struct RiggedBody {
   TriangleMesh mesh;
   BodyJoints joints;
   SolidGrid solid;
-  nlohmann::json truth;
+  nlohmann::json ground_truth;
   std::filesystem::path folder;
 };
 
@@ -46,8 +46,8 @@ inline RiggedBody read_rigged_body(const std::filesystem::path& bodies, const st
   body.name = name;
   body.folder = bodies / name;
   body.mesh = read_obj(body.folder / "body.obj", 1.0);
-  std::ifstream(body.folder / "truth.json") >> body.truth;
-  body.joints = true_joints(body.truth["landmarks"], 1.0);
+  std::ifstream(body.folder / "truth.json") >> body.ground_truth;
+  body.joints = true_joints(body.ground_truth["landmarks"], 1.0);
   VoxelSolidOptions options;
   options.cell = cell;
   body.solid = solid_grid(VoxelSolid(body.mesh, options));
@@ -78,17 +78,17 @@ inline std::vector<BoneStart> bone_starts() {
 
 /// What the rotations of `skin_check` do to our bones, when they turn at the body's true joints.
 inline std::map<std::string, Eigen::Affine3d> skin_check_motions(const RiggedBody& body) {
-  const nlohmann::json& rotations = body.truth["skin_check"]["rotations"];
+  const nlohmann::json& rotations = body.ground_truth["skin_check"]["rotations"];
   std::map<std::string, Eigen::Affine3d> motions;
   for (const BoneStart& start : bone_starts()) {
     Eigen::Affine3d motion = start.parent.empty() ? Eigen::Affine3d::Identity() : motions.at(start.parent);
     if (rotations.contains(start.joint)) {
-      const auto& p = body.truth["landmarks"][start.joint];
+      const auto& p = body.ground_truth["landmarks"][start.joint];
       const auto& a = rotations[start.joint]["axis"];
-      const Eigen::Vector3d place(p[0], p[1], p[2]), axis(a[0], a[1], a[2]);
+      const Eigen::Vector3d position(p[0], p[1], p[2]), axis(a[0], a[1], a[2]);
       const double angle = rotations[start.joint]["degrees"].get<double>() * M_PI / 180;
-      motion = motion * Eigen::Translation3d(place) * Eigen::AngleAxisd(angle, axis.normalized()) *
-               Eigen::Translation3d(-place);
+      motion = motion * Eigen::Translation3d(position) * Eigen::AngleAxisd(angle, axis.normalized()) *
+               Eigen::Translation3d(-position);
     }
     motions[start.bone] = motion;
   }

@@ -69,7 +69,7 @@ inline ::testing::AssertionResult gradients_match(
 }
 
 /// Whether two tensors agree within absolute + relative * |expected|; the failure shows the largest excess and its
-/// place.
+/// position.
 inline ::testing::AssertionResult is_near(const torch::Tensor& found, const torch::Tensor& expected, double absolute,
                                           double relative = 0.0) {
   if (found.sizes() != expected.sizes()) {

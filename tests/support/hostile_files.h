@@ -45,16 +45,16 @@ inline std::string replaced(std::string text, const std::string& from, const std
 }
 
 /// The tokens of a text: (position, length).
-inline std::vector<std::pair<std::size_t, std::size_t>> token_places(const std::string& text) {
-  std::vector<std::pair<std::size_t, std::size_t>> places;
+inline std::vector<std::pair<std::size_t, std::size_t>> token_ranges(const std::string& text) {
+  std::vector<std::pair<std::size_t, std::size_t>> ranges;
   for (std::size_t i = 0; i < text.size();) {
     const std::size_t begin = text.find_first_not_of(" \t\r\n,:[]{}", i);
     if (begin == std::string::npos) break;
     const std::size_t end = std::min(text.find_first_of(" \t\r\n,:[]{}", begin), text.size());
-    places.emplace_back(begin, end - begin);
+    ranges.emplace_back(begin, end - begin);
     i = end;
   }
-  return places;
+  return ranges;
 }
 
 inline void add_truncations(const std::string& valid, std::size_t most, std::vector<HostileFile>& files) {
@@ -67,12 +67,12 @@ inline void add_truncations(const std::string& valid, std::size_t most, std::vec
 /// Every token (or an even choice of them) becomes something a careless reader trusts.
 inline void add_bad_tokens(const std::string& valid, std::size_t most, std::vector<HostileFile>& files) {
   static const char* const kBad[] = {"nan", "-inf", "-1", "0", "999999999", "99999999999999999999", "1e400", "x", ""};
-  const auto places = token_places(valid);
-  const std::size_t step = std::max<std::size_t>(1, places.size() / most);
-  for (std::size_t i = 0; i < places.size(); i += step) {
+  const auto ranges = token_ranges(valid);
+  const std::size_t step = std::max<std::size_t>(1, ranges.size() / most);
+  for (std::size_t i = 0; i < ranges.size(); i += step) {
     for (const char* bad : kBad) {
       std::string text = valid;
-      text.replace(places[i].first, places[i].second, bad);
+      text.replace(ranges[i].first, ranges[i].second, bad);
       files.push_back({"token " + std::to_string(i) + " replaced by \"" + bad + "\"", text});
     }
   }
@@ -96,7 +96,7 @@ inline void add_random_bytes(const std::string& valid, std::vector<HostileFile>&
   }
 }
 
-/// Variants of a valid file, always the same ones. `density`: about how many places are cut or changed.
+/// Variants of a valid file, always the same ones. `density`: about how many positions are cut or changed.
 inline std::vector<HostileFile> hostile_variants(const std::string& valid, std::size_t density = 60) {
   std::vector<HostileFile> files;
   add_truncations(valid, density, files);

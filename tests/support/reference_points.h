@@ -21,11 +21,11 @@ inline ReferenceDistance distance_from_pose2sim(const SpacePoints& found, const 
   ReferenceDistance distance;
   long count = 0;
   for (std::size_t k = 0; k < reference.names.size(); ++k) {
-    const auto place = find_landmark(found.names, reference.names[k] == "Head" ? "head_top" : reference.names[k]);
-    if (!place) continue;
+    const auto index = find_landmark(found.names, reference.names[k] == "Head" ? "head_top" : reference.names[k]);
+    if (!index) continue;
     ++distance.common;
     for (const auto& [frame, points] : reference.frames) {
-      const auto& point = found.frames.at(frame)[*place];
+      const auto& point = found.frames.at(frame)[*index];
       if (!point || !points[k]) continue;
       distance.mean += (*point - Eigen::Vector3d(points[k]->z(), points[k]->y(), -points[k]->x())).norm();
       ++count;

@@ -26,7 +26,7 @@ class RigReferenceTest : public SharedFolderTest, public ::testing::WithParamInt
     folder_ = shared_ / "bodies" / GetParam();
     if (!std::filesystem::exists(folder_)) GTEST_SKIP() << folder_ << " does not exist";
     reference_ = nlohmann::json::parse(read_file(folder_ / "anim_reference.json"));
-    truth_ = read_npy(folder_ / "anim_posed.npy").as<double>();
+    ground_truth_ = read_npy(folder_ / "anim_posed.npy").as<double>();
     scene_ = read_scene(folder_ / reference_["file"].get<std::string>());
   }
 
@@ -58,19 +58,20 @@ class RigReferenceTest : public SharedFolderTest, public ::testing::WithParamInt
     for (std::size_t i = 0; i < map.size(); ++i) ours.emplace(map[i], i);
     double largest = 0.0;
     found_ = 0;
-    for (std::size_t row = 0; 3 * row < truth_.size(); ++row) {
+    for (std::size_t row = 0; 3 * row < ground_truth_.size(); ++row) {
       const auto vertex = ours.find(vertex_of(row));
       if (vertex == ours.end()) continue;
       ++found_;
-      const Eigen::Vector3d truth = file_from_character.inverse() * Eigen::Map<const Eigen::Vector3d>(&truth_[3 * row]);
-      largest = std::max(largest, (posed[vertex->second] - truth).norm());
+      const Eigen::Vector3d ground_truth =
+          file_from_character.inverse() * Eigen::Map<const Eigen::Vector3d>(&ground_truth_[3 * row]);
+      largest = std::max(largest, (posed[vertex->second] - ground_truth).norm());
     }
     return largest;
   }
 
   std::filesystem::path folder_;
   nlohmann::json reference_;
-  std::vector<double> truth_;  ///< [200 * 3]
+  std::vector<double> ground_truth_;  ///< [200 * 3]
   Scene scene_;
   int found_ = 0;
 };

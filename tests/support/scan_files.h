@@ -12,8 +12,8 @@
 /// Files of scans, written as their formats say. Independent of the readers.
 namespace doppel::support {
 
-/// A box with 8 vertices and 12 triangles, faces outwards, with a colour at each corner (its place, 0..1) and UVs that
-/// lay the x-y plane over the image.
+/// A box with 8 vertices and 12 triangles, faces outwards, with a colour at each corner (its position, 0..1) and UVs
+/// that lay the x-y plane over the image.
 inline TriangleMesh coloured_box(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
   TriangleMesh mesh;
   for (int k = 0; k < 8; ++k) {

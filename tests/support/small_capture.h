@@ -27,7 +27,7 @@ struct SmallCaptureOptions {
   int size = 128;      ///< pixels of the images
   int mask_size = 96;  ///< pixels of the crops
   int train_frames = 12, test_frames = 5;
-  double thickness = 0.02;  ///< metres along the normal between skinned template and truth
+  double thickness = 0.02;  ///< metres along the normal between skinned template and ground truth
   bool textured = false;    ///< the template has a smooth texture, and images show it under `true_light`
 };
 
@@ -154,11 +154,12 @@ inline std::filesystem::path make_small_capture(const std::filesystem::path& fol
     const std::string name = split == Split::train ? "walk" : "dance";
     const int frames = split == Split::train ? o.train_frames : o.test_frames;
     const Motion motion = sc::make_motion(character, frames, split == Split::train ? 0.0 : 0.9);
-    const auto truth = sc::true_surface(character, motion, o.thickness).contiguous();
-    sc::write_images(folder / name, character, cameras, truth);
+    const auto ground_truth = sc::true_surface(character, motion, o.thickness).contiguous();
+    sc::write_images(folder / name, character, cameras, ground_truth);
     write_motion(folder / name / "poses.motion", motion, true);
     std::filesystem::create_directories(folder / "ground_truth" / name);
-    write_npy(folder / "ground_truth" / name / "vertices.npy", truth.data_ptr<float>(), truth.sizes().vec());
+    write_npy(folder / "ground_truth" / name / "vertices.npy", ground_truth.data_ptr<float>(),
+              ground_truth.sizes().vec());
     SequenceEntry entry;
     entry.name = name;
     entry.split = split;

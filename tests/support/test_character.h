@@ -97,16 +97,16 @@ inline TriangleMesh make_tube(const std::vector<Eigen::Affine3d>& world_from_joi
                               int rings) {
   TriangleMesh mesh;
   const double length = kSegment * num_joints;
-  const auto place = [&](double s, double radius, double angle) {
+  const auto position = [&](double s, double radius, double angle) {
     const int i = std::clamp(static_cast<int>(s / kSegment), 0, num_joints - 1);
     const Eigen::Vector3d local(radius * std::cos(angle), s - i * kSegment, 0.8 * radius * std::sin(angle));
     mesh.vertices.push_back(snap(world_from_joint[segment_joint(i)] * local));
   };
   for (int r = 0; r < rings; ++r)
     for (int a = 0; a < around; ++a)
-      place(length * (r + 0.5) / rings, kRadius * (1.0 + 0.2 * std::sin(1.0 * r)), 2.0 * M_PI * a / around);
-  place(0.0, 0.0, 0.0);
-  place(length, 0.0, 0.0);
+      position(length * (r + 0.5) / rings, kRadius * (1.0 + 0.2 * std::sin(1.0 * r)), 2.0 * M_PI * a / around);
+  position(0.0, 0.0, 0.0);
+  position(length, 0.0, 0.0);
 
   // UVs: a strip with a seam, so that corners of one vertex differ.
   for (int r = 0; r < rings; ++r)

@@ -39,7 +39,7 @@ double height(const Actor& actor) {
   return top;
 }
 
-/// Place of a joint in the rest pose.
+/// Position of a joint in the rest pose.
 Vector3d joint_of(const Actor& actor, const char* name) {
   const Skeleton& skeleton = actor.character.skeleton;
   return skeleton.pose(actor.character.rest_dofs)[*skeleton.find_joint(name)].translation();

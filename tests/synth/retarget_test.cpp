@@ -67,7 +67,7 @@ const char* const kMap =
     "  RightFoot: xRightFoot\n"
     "  RightFootEE: xRightFoot_end\n";
 
-/// The scaled source (docs/animate.md), found here once more from the files: the place of every mapped joint.
+/// The scaled source (docs/animate.md), found here once more from the files: the position of every mapped joint.
 class ScaledSource {
  public:
   ScaledSource(const Skeleton& target, const JointTracks& source, const JointMap& map)
@@ -89,7 +89,7 @@ class ScaledSource {
     lift_ = ours - scale_ * theirs;
   }
 
-  Vector3d place(int joint, int frame) const {
+  Vector3d position(int joint, int frame) const {
     const auto& pose = source_.frames[frame];
     const int s = source_of_.at(joint);
     if (joint == root()) return scale_ * pose[s].translation() + turn(joint, frame) * Vector3d(0, lift_, 0);
@@ -97,10 +97,10 @@ class ScaledSource {
     const Vector3d bone = rest_[joint].translation() - rest_[above].translation();
     const Vector3d now = pose[s].translation() - pose[s_above].translation();
     // One bone from a joint: its direction is the source's. Several: the angle between them stays our own.
-    if (bones_from(above) == 1) return place(above, frame) + bone.norm() * now.normalized();
+    if (bones_from(above) == 1) return position(above, frame) + bone.norm() * now.normalized();
     const Vector3d rest = source_.rest[s].translation() - source_.rest[s_above].translation();
-    return place(above, frame) + Eigen::Quaterniond::FromTwoVectors(turn(above, frame) * rest, now) *
-                                     (turn(above, frame) * whole_body(above) * bone);
+    return position(above, frame) + Eigen::Quaterniond::FromTwoVectors(turn(above, frame) * rest, now) *
+                                        (turn(above, frame) * whole_body(above) * bone);
   }
   int root() const { return source_of_.begin()->first; }
   double scale() const { return scale_; }
@@ -161,7 +161,7 @@ double farthest_end(const Skeleton& skeleton, const Motion& motion, const Scaled
     const auto pose = skeleton.pose(motion.frames[f]);
     for (const std::string& end : kEnds) {
       const int j = *skeleton.find_joint(end);
-      farthest = std::max(farthest, (pose[j].translation() - source.place(j, f * frames_per_row)).norm());
+      farthest = std::max(farthest, (pose[j].translation() - source.position(j, f * frames_per_row)).norm());
     }
   }
   return farthest;
@@ -211,7 +211,7 @@ TEST(RetargetRecovers, ABvhOfAnotherBodyWithinFiveCentimetres) {
 BvhClip walking_figure(int frames) {
   struct Part {
     const char *name, *parent;
-    Vector3d place;
+    Vector3d position;
   };
   const std::vector<Part> middle{{"Hips", "", {0, 0.95, 0}},        {"Spine", "Hips", {0, 1.05, 0}},
                                  {"Spine1", "Spine", {0, 1.2, 0}},  {"Neck", "Spine1", {0, 1.45, 0}},
@@ -223,24 +223,24 @@ BvhClip walking_figure(int frames) {
   BvhClip clip;
   clip.seconds_per_frame = 1.0 / 30.0;
   std::map<std::string, int> index;
-  std::vector<Vector3d> places;
-  const auto add = [&](const std::string& name, const std::string& parent, const Vector3d& place) {
+  std::vector<Vector3d> positions;
+  const auto add = [&](const std::string& name, const std::string& parent, const Vector3d& position) {
     const int above = parent.empty() ? -1 : index.at(parent);
-    BvhJoint joint{"mixamorig:" + name, above, above < 0 ? place : Vector3d(place - places[above]), {}};
+    BvhJoint joint{"mixamorig:" + name, above, above < 0 ? position : Vector3d(position - positions[above]), {}};
     if (above < 0) joint.channels = {BvhChannel::x_position, BvhChannel::y_position, BvhChannel::z_position};
     for (const auto c : {BvhChannel::z_rotation, BvhChannel::x_rotation, BvhChannel::y_rotation})
       joint.channels.push_back(c);
-    index[name] = static_cast<int>(places.size());
-    places.push_back(place);
+    index[name] = static_cast<int>(positions.size());
+    positions.push_back(position);
     clip.joints.push_back(joint);
   };
-  for (const Part& part : middle) add(part.name, part.parent, part.place);
+  for (const Part& part : middle) add(part.name, part.parent, part.position);
   for (const std::string which : {"Left", "Right"})
     for (const Part& part : side) {
       const std::string parent = part.parent;
       const bool shared = parent == "Hips" || parent == "Spine1";
-      const double x = which == "Left" ? part.place.x() : -part.place.x();
-      add(which + part.name, shared ? parent : which + parent, {x, part.place.y(), part.place.z()});
+      const double x = which == "Left" ? part.position.x() : -part.position.x();
+      add(which + part.name, shared ? parent : which + parent, {x, part.position.y(), part.position.z()});
     }
   for (int f = 0; f < frames; ++f) {
     const double t = 0.15 * f, swing = std::sin(t);

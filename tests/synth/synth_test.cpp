@@ -214,12 +214,12 @@ TEST(Motion, TurnsAtTheGivenSpeedAndOtherwiseStaysTheSame) {
 TEST(SynthClothing, DepartsFromTheSkinnedTemplateWithinBounds) {
   const Actor& actor = tiny_actor();
   const Take take = perform(actor, 20, 25, 5, {});
-  ASSERT_EQ(take.truth.size(), 20u);
+  ASSERT_EQ(take.ground_truth.size(), 20u);
   double mean = 0, largest = 0;
   int cloth = 0;
-  for (std::size_t f = 0; f < take.truth.size(); ++f)
-    for (std::size_t v = 0; v < take.truth[f].size(); ++v) {
-      const double off = (take.truth[f][v] - take.skinned[f][v]).norm();
+  for (std::size_t f = 0; f < take.ground_truth.size(); ++f)
+    for (std::size_t v = 0; v < take.ground_truth[f].size(); ++v) {
+      const double off = (take.ground_truth[f][v] - take.skinned[f][v]).norm();
       largest = std::max(largest, off);
       if (actor.looseness[v] > 0.5) mean += off, ++cloth;
       if (actor.looseness[v] < 1e-6) {
@@ -264,9 +264,9 @@ TEST(SynthClothing, HangsStillOnAStillBody) {
     motion.ids.push_back(f);
   }
   const auto worn = skin_motion(actor.character, motion, actor.hang);
-  const auto truth = move_clothes(actor, worn, 25);
+  const auto ground_truth = move_clothes(actor, worn, 25);
   for (int v = 0; v < actor.character.num_vertices(); ++v) {
-    EXPECT_LT((truth[9][v] - worn[9][v]).norm(), 1e-12);
+    EXPECT_LT((ground_truth[9][v] - worn[9][v]).norm(), 1e-12);
     EXPECT_LT((worn[9][v] - actor.character.mesh.vertices[v] - actor.hang[v]).norm(), 1e-9);
   }
 }
@@ -294,15 +294,15 @@ cv::Mat brute_coverage(const Points& vertices, const std::vector<Triangle>& face
   return count;
 }
 
-TEST(SynthStudio, MasksAreTheCoverageOfTheTruth) {
+TEST(SynthStudio, MasksAreTheCoverageOfTheGroundTruth) {
   const Actor& actor = tiny_actor();
   const Take take = perform(actor, 2, 25, 11, {});
   const auto cameras = make_cameras(3, 128, 1);
   Studio studio(actor, cameras);
-  studio.set_surface(take.truth[1]);
+  studio.set_surface(take.ground_truth[1]);
   for (int c = 0; c < 3; ++c) {
     const cv::Mat mask = studio.shoot(c, 0).mask;
-    const cv::Mat count = brute_coverage(take.truth[1], actor.character.mesh.faces, cameras[c]);
+    const cv::Mat count = brute_coverage(take.ground_truth[1], actor.character.mesh.faces, cameras[c]);
     int wrong = 0, unsure = 0, person = 0;
     for (int y = 0; y < mask.rows; ++y)
       for (int x = 0; x < mask.cols; ++x) {
@@ -322,17 +322,17 @@ TEST(SynthStudio, MasksAreTheCoverageOfTheTruth) {
   }
 }
 
-TEST(SynthStudio, FisheyeMasksAreTheCoverageOfTheTruth) {
+TEST(SynthStudio, FisheyeMasksAreTheCoverageOfTheGroundTruth) {
   const Actor& actor = tiny_actor();
   const Take take = perform(actor, 1, 25, 11, {});
   const auto cameras = make_cameras(2, 160, 1, Lens::fisheye);
   Studio studio(actor, cameras);
-  studio.set_surface(take.truth[0]);
+  studio.set_surface(take.ground_truth[0]);
   for (int c = 0; c < 2; ++c) {
     ASSERT_EQ(cameras[c].lens, Lens::fisheye);
     const cv::Mat mask = studio.shoot(c, 0).mask;
-    const cv::Mat truth = brute_coverage(take.truth[0], actor.character.mesh.faces, cameras[c]) > 4;
-    const int both = cv::countNonZero(mask & truth), either = cv::countNonZero(mask | truth);
+    const cv::Mat ground_truth = brute_coverage(take.ground_truth[0], actor.character.mesh.faces, cameras[c]) > 4;
+    const int both = cv::countNonZero(mask & ground_truth), either = cv::countNonZero(mask | ground_truth);
     EXPECT_GT(both, 600) << "camera " << c;
     // A sample is looked up with an error of up to half a sample, a sixth of a pixel.
     EXPECT_GT(both, 0.98 * either) << "camera " << c;
@@ -345,7 +345,7 @@ TEST(SynthStudio, KeepsTheActorOffTheBorder) {
   for (const Lens lens : {Lens::opencv, Lens::fisheye})
     for (const Camera& camera : make_cameras(8, 256, 3, lens)) {
       EXPECT_TRUE(camera.faults().empty());
-      for (const Points& frame : take.truth)
+      for (const Points& frame : take.ground_truth)
         for (const Vector3d& v : frame) {
           const Vector2d p = camera.project(v);
           ASSERT_GT(p.minCoeff(), 2);
@@ -419,9 +419,9 @@ TEST_F(SynthCapture, IsAnOrdinaryCaptureFolder) {
     }
     const Motion motion = read_motion(root() / name / "skeletoolToGTPose/poseAngles.motion", 33);
     EXPECT_EQ(motion.num_frames(), frames);
-    const NpyArray truth = read_npy(root() / "ground_truth" / name / "vertices.npy");
-    EXPECT_EQ(truth.type, "<f4");
-    EXPECT_EQ(truth.shape, (std::vector<std::int64_t>{frames, report_.vertices, 3}));
+    const NpyArray ground_truth = read_npy(root() / "ground_truth" / name / "vertices.npy");
+    EXPECT_EQ(ground_truth.type, "<f4");
+    EXPECT_EQ(ground_truth.shape, (std::vector<std::int64_t>{frames, report_.vertices, 3}));
   }
   EXPECT_GT(report_.skinning_iou, 0.75);
   EXPECT_LT(report_.skinning_iou, 0.985);

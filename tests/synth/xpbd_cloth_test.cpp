@@ -173,7 +173,7 @@ TEST(XpbdSolver, KeepsTheMomentumOfAFreeCloth) {
   ClothSolver solver(cloth, options);
   Points start = cloth.rest;
   for (std::size_t v = 0; v < start.size(); ++v) start[v] += 0.01 * Vector3d(std::sin(3.0 * v), std::cos(5.0 * v), 0);
-  solver.place(start);
+  solver.move_to(start);
   std::vector<double> mass(start.size(), 0.0);
   for (const Triangle& f : cloth.faces)
     for (const int v : f) mass[v] += options.density * 0.5 * 0.05 * 0.05 / 3;
@@ -510,8 +510,8 @@ TEST(ClothModel, SpringsAreTheDefaultAndUnchanged) {
   const Motion motion = make_motion(actor().character.skeleton, lead + frames, 25, 5);
   const auto springs = move_clothes(actor(), skin_motion(actor().character, motion, actor().hang), 25);
   for (int f = 0; f < frames; ++f) {
-    EXPECT_EQ(take.truth[f], springs[lead + f]);
-    EXPECT_NE(take.truth[f], other.truth[f]);
+    EXPECT_EQ(take.ground_truth[f], springs[lead + f]);
+    EXPECT_NE(take.ground_truth[f], other.ground_truth[f]);
     EXPECT_EQ(take.skinned[f], other.skinned[f]);
   }
   EXPECT_EQ(take.motion.frames, other.motion.frames);

@@ -26,10 +26,10 @@ constexpr std::array<int, support::kWalkerPoints> kInBody25{0, 1, 8, 5, 6, 7, 2,
 class CalibrateRig : public ::testing::Test {
  protected:
   /// Writes what the cameras film, with a calibration that may be another.
-  void write(const std::vector<Camera>& truth, const std::vector<Camera>& calibrated,
+  void write(const std::vector<Camera>& ground_truth, const std::vector<Camera>& calibrated,
              const support::FilmOptions& options) const {
     write_calibration(path("cameras.yml"), calibrated);
-    const PointTracks tracks = support::film(truth, support::walker, options);
+    const PointTracks tracks = support::film(ground_truth, support::walker, options);
     for (const CameraTrack& track : tracks.cameras) {
       fs::create_directories(path("keypoints") / track.name);
       for (long frame = 0; frame < track.num_frames(); ++frame) {
@@ -85,43 +85,43 @@ TEST_F(CalibrateRig, SyncWritesOffsets) {
 }
 
 TEST_F(CalibrateRig, RefineWritesACalibration) {
-  const std::vector<Camera> truth = support::rig_of(5, 800);
+  const std::vector<Camera> ground_truth = support::rig_of(5, 800);
   support::FilmOptions options;
   options.frames = 200;
-  write(truth, support::disturbed(truth, 1.5, 0.04, 3), options);
+  write(ground_truth, support::disturbed(ground_truth, 1.5, 0.04, 3), options);
   const Outcome found = run_words({"calibrate", "refine", path("capture.yaml"), "--json"});
   ASSERT_EQ(found.code, 0) << found.err;
   const json report = json::parse(found.out);
   EXPECT_LT(report.at("median_after_px"), 0.4 * report.at("median_before_px").get<double>());
   EXPECT_TRUE(report.at("moved").empty());
-  const support::RigError error = support::error_of(read_calibration(path("cameras_refined.yml")), truth);
+  const support::RigError error = support::error_of(read_calibration(path("cameras_refined.yml")), ground_truth);
   EXPECT_LT(error.degrees, 0.1);
   EXPECT_LT(error.metres, 0.003);
   const Outcome table =
       run_words({"calibrate", "refine", path("capture.yaml"), "--focal", "--out", path("other.toml")});
   ASSERT_EQ(table.code, 0) << table.err;
   EXPECT_THAT(table.out, HasSubstr("px after"));
-  EXPECT_EQ(read_calibration(path("other.toml")).size(), truth.size());
+  EXPECT_EQ(read_calibration(path("other.toml")).size(), ground_truth.size());
 }
 
 TEST_F(CalibrateRig, BoardCalibratesFromFoldersOfImages) {
   const Board board = parse_board("chessboard:5x4:40mm");
-  std::vector<Camera> truth(2);
+  std::vector<Camera> ground_truth(2);
   for (std::size_t c = 0; c < 2; ++c) {
-    truth[c].name = c == 0 ? "left" : "right";
-    truth[c].width = 400;
-    truth[c].height = 300;
-    truth[c].K << 430, 0, 200, 0, 430, 150, 0, 0, 1;
-    truth[c].R = Eigen::AngleAxisd(c == 0 ? 0.1 : -0.1, Eigen::Vector3d::UnitY()).toRotationMatrix();
-    truth[c].t = -truth[c].R * Eigen::Vector3d(c == 0 ? -0.06 : 0.06, 0.0, 0.0);
-    fs::create_directories(path(truth[c].name));
+    ground_truth[c].name = c == 0 ? "left" : "right";
+    ground_truth[c].width = 400;
+    ground_truth[c].height = 300;
+    ground_truth[c].K << 430, 0, 200, 0, 430, 150, 0, 0, 1;
+    ground_truth[c].R = Eigen::AngleAxisd(c == 0 ? 0.1 : -0.1, Eigen::Vector3d::UnitY()).toRotationMatrix();
+    ground_truth[c].t = -ground_truth[c].R * Eigen::Vector3d(c == 0 ? -0.06 : 0.06, 0.0, 0.0);
+    fs::create_directories(path(ground_truth[c].name));
     for (int view = 0; view < 8; ++view) {
       const double a = 1.3 * view;
       const auto pose =
           support::facing({0.05 * std::sin(2.1 * a), 0.03 * std::cos(1.7 * a), 0.55}, {0, 0, 0},
                           0.4 * std::sin(1.1 * a + 0.5), 0.4 * std::cos(0.9 * a), 0.2 * std::sin(3.0 * a), board);
-      cv::imwrite((path(truth[c].name) / fmt::format("view_{}.png", view)).string(),
-                  support::drawn_board(truth[c], pose, support::chessboard_paint(board), 3));
+      cv::imwrite((path(ground_truth[c].name) / fmt::format("view_{}.png", view)).string(),
+                  support::drawn_board(ground_truth[c], pose, support::chessboard_paint(board), 3));
     }
   }
   const Outcome found = run_words({"calibrate", "board", path("left"), path("right"), "--board", "chessboard:5x4:40mm",
@@ -131,9 +131,9 @@ TEST_F(CalibrateRig, BoardCalibratesFromFoldersOfImages) {
   const std::vector<Camera> cameras = read_calibration(path("cameras.toml"));
   ASSERT_EQ(cameras.size(), 2U);
   for (std::size_t c = 0; c < 2; ++c) {
-    EXPECT_EQ(cameras[c].name, truth[c].name);
+    EXPECT_EQ(cameras[c].name, ground_truth[c].name);
     EXPECT_TRUE(report.at("cameras")[c].at("posed"));
-    EXPECT_NEAR(cameras[c].K(0, 0) / truth[c].K(0, 0), 1.0, 0.01);
+    EXPECT_NEAR(cameras[c].K(0, 0) / ground_truth[c].K(0, 0), 1.0, 0.01);
   }
   EXPECT_NEAR((cameras[0].centre() - cameras[1].centre()).norm(), 0.12, 0.003);
   const Outcome wrong =

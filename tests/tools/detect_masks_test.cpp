@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kFrames = 8, kSide = 160;
 
-cv::Mat truth(int frame) {
+cv::Mat ground_truth(int frame) {
   cv::Mat mask = cv::Mat::zeros(kSide, kSide, CV_8U);
   cv::ellipse(mask, {30 + 14 * frame, 80}, {16, 40}, 0, 0, 360, 255, -1);
   return mask;
@@ -33,9 +33,9 @@ struct Footage {
     for (int frame = 0; frame < kFrames; ++frame) {
       cv::Mat image, wide;
       noise.convertTo(image, CV_8UC3, 1.0, 110.0);
-      image.setTo(cv::Scalar(40, 60, 200), truth(frame));
+      image.setTo(cv::Scalar(40, 60, 200), ground_truth(frame));
       write_image(folder / "images" / ("run_" + std::to_string(frame) + ".png"), image);
-      cv::dilate(truth(frame), wide, cv::getStructuringElement(cv::MORPH_ELLIPSE, {5, 5}));
+      cv::dilate(ground_truth(frame), wide, cv::getStructuringElement(cv::MORPH_ELLIPSE, {5, 5}));
       cv::GaussianBlur(wide, wide, {}, 1.5);
       write_image(tools::mask_file(folder / "masks", frame), wide);
     }
@@ -53,12 +53,12 @@ struct Footage {
 TEST(DetectMasks, NetworkMasksBecomeSharp) {
   const Footage footage;
   int advanced = 0;
-  ASSERT_LT(overlap(footage.mask(3) >= 128, truth(3)), 0.93);
+  ASSERT_LT(overlap(footage.mask(3) >= 128, ground_truth(3)), 0.93);
   EXPECT_TRUE(tools::sharpen_masks(footage.source, footage.folder / "masks", [&] { return ++advanced > 0; }));
   EXPECT_EQ(advanced, kFrames);
   for (int frame = 0; frame < kFrames; ++frame) {
     const cv::Mat mask = footage.mask(frame);
-    EXPECT_GT(overlap(mask, truth(frame)), 0.97) << frame;
+    EXPECT_GT(overlap(mask, ground_truth(frame)), 0.97) << frame;
     EXPECT_EQ(cv::countNonZero((mask != 0) & (mask != 255)), 0);
   }
 }

@@ -103,7 +103,7 @@ TEST_F(CaptureToDetect, KeypointsOfTheCaptureOrOfAnEarlierRunAreUsed) {
 /// A real man in four real videos with a calibration, nothing else.
 using RealDetectedCapture = support::BlazePoseTest;
 
-// BlazePose and OpenPose place the same joint at different points of the body, the hips 55 mm apart.
+// BlazePose and OpenPose see the same joint at different points of the body, the hips 55 mm apart.
 TEST_F(RealDetectedCapture, VideosAndACalibrationGiveTheManInSpace) {
   const TemporaryFolder folder;
   const fs::path p2s = shared_ / "captures/p2s";

@@ -66,7 +66,7 @@ TEST(ProgramRejects, UnknownInstructionSets) {
 TEST(ProgramReference, CalibrationsAreConvertedAndDescribed) {
   const support::TemporaryFolder folder;
   const std::string yml = (folder / "cameras.yml").string(), model = (folder / "model").string(),
-                    picture = (folder / "plan.png").string();
+                    image = (folder / "plan.png").string();
   write_atomically(yml,
                    "%YAML:1.0\n---\ncam0:\n   name: left\n   width: 640\n   height: 480\n"
                    "   K: [ 500, 0, 320, 0, 501, 240, 0, 0, 1 ]\n   dist: [ -0.1, 0.02, 0, 0 ]\n"
@@ -74,7 +74,7 @@ TEST(ProgramReference, CalibrationsAreConvertedAndDescribed) {
   const Outcome converted = run("calibrate convert " + yml + " " + model + " --to colmap --json");
   ASSERT_EQ(converted.code, 0) << converted.err;
   EXPECT_EQ(nlohmann::json::parse(converted.out)["from"], "opencv");
-  const Outcome described = run("info " + model + " --picture " + picture + " --json");
+  const Outcome described = run("info " + model + " --picture " + image + " --json");
   ASSERT_EQ(described.code, 0) << described.err;
   const nlohmann::json found = nlohmann::json::parse(described.out);
   EXPECT_EQ(found["format"], "colmap");
@@ -87,7 +87,7 @@ TEST(ProgramReference, CalibrationsAreConvertedAndDescribed) {
   EXPECT_EQ(camera["coefficients"][0], -0.1);
   EXPECT_NEAR(camera["centre_m"][1].get<double>(), 1.0, 1e-12);
   EXPECT_NEAR(camera["direction"][2].get<double>(), -1.0, 1e-12);
-  EXPECT_TRUE(std::filesystem::exists(picture));
+  EXPECT_TRUE(std::filesystem::exists(image));
   EXPECT_EQ(run("calibrate convert " + yml + " " + model + " --to colmap").code, 2) << "the folder exists";
   EXPECT_EQ(run("calibrate convert " + yml + " x --to qualisys").code, 2) << "only read";
   EXPECT_NE(run("info " + yml).out.find("left"), std::string::npos);
@@ -203,7 +203,7 @@ TEST(ProgramReference, HelpOfTrackingHasTheOptionsOfTheMethodAlone) {
   }
 }
 
-TEST(ProgramRejects, WordsOfTrackingInWrongPlaces) {
+TEST(ProgramRejects, WordsOfTrackingInWrongPositions) {
   const TemporaryFolder folder;
   const std::filesystem::path before = std::filesystem::current_path();
   for (const char* name : {"livecap", "capture"}) std::filesystem::create_directories(folder / name);
@@ -448,7 +448,7 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
     EXPECT_TRUE(std::filesystem::exists(at(std::string("figure/") + name))) << name;
   EXPECT_NE(cv::norm(cv::imread(at("figure/texture_000000.png")), cv::imread(at("figure/texture_000005.png"))), 0.0);
   EXPECT_EQ(run(play + "--format texture --out " + at("none")).code, 2);
-  // Its pictures, from the run and from the exported file.
+  // Its images, from the run and from the exported file.
   const Outcome drawn = run("animate --run " + at("chain") + play.substr(play.find(" --motion")) +
                             " --format png --video-size 96 --out " + at("drawn"));
   ASSERT_EQ(drawn.code, 0) << drawn.err;

@@ -36,7 +36,7 @@ class SeveralPeople : public TrackCapture {
   }
 
   nlohmann::json person(std::size_t c, int frame, const Vector3d& shift, double confidence) const {
-    const PosedBody body = model_.pose(truth(frame), false);
+    const PosedBody body = model_.pose(ground_truth(frame), false);
     nlohmann::json points = nlohmann::json::array(), scores = nlohmann::json::array();
     for (int m = 0; m < model_.num_landmarks(); ++m) {
       const Eigen::Vector2d pixel = cameras_[c].project(model_.landmark(body, m) + shift);

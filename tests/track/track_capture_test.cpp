@@ -76,7 +76,7 @@ TEST_F(TrackCapture, FitsSharedDofsBeforeItTracks) {
   const auto report = to_json(track_capture(*Footage::open(root(), options.config.fit.outline_pixels), options));
   const std::size_t lean = as_size(find_dofs(character_.skeleton, "lean_3").at(0));
   double mean = 0.0;
-  for (int frame = 0; frame < kFrames; ++frame) mean += truth(frame)[lean] / kFrames;
+  for (int frame = 0; frame < kFrames; ++frame) mean += ground_truth(frame)[lean] / kFrames;
   ASSERT_EQ(report["usual"].size(), 1u);
   EXPECT_NEAR(report["usual"]["lean_3"].get<double>(), mean, 0.1);
   const Motion motion = read_motion(options.out / "walk.motion", character_.num_dofs());

@@ -200,7 +200,7 @@ TEST_F(TrackPoints, FindsTheJointsOfABodyWithoutItsCharacter) {
   const SpacePoints found = read_space_points(root() / "out/walk.trc");
   ASSERT_EQ(found.names.size(), landmarks_.size());
   for (int frame = 0; frame < kFrames; ++frame) {
-    const PosedBody body = model_.pose(truth(frame), false);
+    const PosedBody body = model_.pose(ground_truth(frame), false);
     for (std::size_t k = 0; k < found.names.size(); ++k) {
       const auto& point = found.frames.at(frame + 1)[k];
       ASSERT_TRUE(point.has_value()) << "frame 3, in which nobody was detected, is filled";

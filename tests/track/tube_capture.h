@@ -40,7 +40,7 @@ class TrackCapture : public ::testing::Test {
 
   std::filesystem::path root() const { return folder_.path(); }
 
-  std::vector<double> truth(int frame) const {
+  std::vector<double> ground_truth(int frame) const {
     std::vector<double> dofs = character_.rest_dofs;
     for (const int dof : dofs_)
       if (!model_.moves_root(dof)) dofs[dof] += 0.15 * std::sin(0.2 * frame + 1.3 * static_cast<double>(dof));
@@ -56,10 +56,10 @@ class TrackCapture : public ::testing::Test {
     for (const PinholeCamera& camera : cameras_)
       joints.emplace_back(root() / ("joints_" + camera.name + ".csv")) << "frame,index,name,x_mm,y_mm,z_mm\n";
     for (int frame = 0; frame < kFrames; ++frame) {
-      const FrameEvidence seen = keypoints_of(model_, cameras_, truth(frame));
+      const FrameEvidence seen = keypoints_of(model_, cameras_, ground_truth(frame));
       for (std::size_t c = 0; c < cameras_.size(); ++c) {
         const std::string name = "mask_" + cameras_[c].name + "_" + std::to_string(frame) + ".png";
-        cv::imwrite((root() / name).string(), mask_of(model_, cameras_[c], truth(frame)));
+        cv::imwrite((root() / name).string(), mask_of(model_, cameras_[c], ground_truth(frame)));
         if (frame == 3) continue;  // nobody was detected
         write_joints(joints[c], frame, cameras_[c]);
         for (std::size_t m = 0; m < landmarks_.size(); ++m)
@@ -71,7 +71,7 @@ class TrackCapture : public ::testing::Test {
 
   /// In the camera's axes, from the first landmark.
   void write_joints(std::ofstream& table, int frame, const PinholeCamera& camera) const {
-    const PosedBody body = model_.pose(truth(frame), false);
+    const PosedBody body = model_.pose(ground_truth(frame), false);
     for (int m = 0; m < model_.num_landmarks(); ++m) {
       const Eigen::Vector3d way = 1e3 * camera.R * (model_.landmark(body, m) - model_.landmark(body, 0));
       table << frame << ',' << m << ',' << landmarks_[m].name << ',' << way.x() << ',' << way.y() << ',' << way.z()
@@ -81,7 +81,7 @@ class TrackCapture : public ::testing::Test {
 
   double error(const Motion& motion, int frame) const {
     const PosedBody a = model_.pose(motion.frames[frame], false);
-    const PosedBody b = model_.pose(truth(frame), false);
+    const PosedBody b = model_.pose(ground_truth(frame), false);
     double worst = 0.0;
     for (int m = 0; m < model_.num_landmarks(); ++m)
       worst = std::max(worst, (model_.landmark(a, m) - model_.landmark(b, m)).norm());

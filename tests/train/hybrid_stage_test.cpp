@@ -177,10 +177,10 @@ TEST_F(HybridTraining, TheTrainedActorHasAllOfIt) {
   const std::int64_t size = batch.image.size(2);
   const Tensor projection = batch.image_projection[0][0];
   const FieldImage guided = actor.radiance(batch.dofs, projection, size, size);
-  const Tensor mask = batch.image_mask[0][0] > 0, truth = batch.image[0][0].to(torch::kFloat32) / 255.0;
+  const Tensor mask = batch.image_mask[0][0] > 0, ground_truth = batch.image[0][0].to(torch::kFloat32) / 255.0;
   EXPECT_GT(guided.opacity.masked_select(mask).mean().item<float>(), 0.8f);
   EXPECT_LT(guided.opacity.masked_select(~mask).mean().item<float>(), 0.1f);
-  const Tensor error = (guided.colour - truth).abs().masked_select(mask.unsqueeze(2)).mean();
+  const Tensor error = (guided.colour - ground_truth).abs().masked_select(mask.unsqueeze(2)).mean();
   EXPECT_LT(error.item<float>(), 0.15f);
   const FieldImage plain = actor.nerf->draw(projection, size, size);
   EXPECT_EQ(plain.colour.sizes(), guided.colour.sizes());

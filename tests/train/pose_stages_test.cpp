@@ -26,8 +26,8 @@ TEST(PosePhases, AreTheThesissWhereTheConfigurationIsSilent) {
   EXPECT_EQ(schedule.rate(120000), 1e-6);
   EXPECT_EQ(schedule.rate(359999), 1e-6);
   const auto weights = [&](std::int64_t step) {
-    const PosePhases::Place place = phases.at(step);
-    return std::make_pair(place.phase->keypoints, place.phase->limits_weight(place.progress));
+    const PosePhases::Position position = phases.at(step);
+    return std::make_pair(position.phase->keypoints, position.phase->limits_weight(position.progress));
   };
   EXPECT_EQ(weights(0), std::make_pair(0.01, 1.0));
   EXPECT_EQ(weights(39999), std::make_pair(0.01, 1.0));
@@ -75,7 +75,7 @@ TEST(PoseConfigurations, ThatComeAlongAreReadable) {
   const PosePhases thesis;
   EXPECT_EQ(paper.trainer.iterations, thesis.iterations());
   for (std::int64_t step : {0, 39000, 41000, 61000, 130000, 250000}) {
-    const PosePhases::Place found = paper.phases.at(step), expected = thesis.at(step);
+    const PosePhases::Position found = paper.phases.at(step), expected = thesis.at(step);
     EXPECT_EQ(paper.trainer.schedule.rate(step), thesis.schedule().rate(step));
     EXPECT_EQ(found.phase->keypoints, expected.phase->keypoints);
     EXPECT_EQ(found.phase->limits_weight(found.progress), expected.phase->limits_weight(expected.progress));
@@ -162,7 +162,7 @@ TEST_F(PoseTraining, WhatWasTrainedCapturesAFrame) {
   const torch::Tensor dofs = trained.dofs(captured);
   // The DoFs pose the landmarks where the alignment put them.
   EXPECT_LT((trained.landmark_layer->forward(dofs) - captured.landmarks).abs().max().item<float>(), 1e-4f);
-  // Global alignment places even a hardly trained pose near the person.
+  // Global alignment moves even a hardly trained pose near the person.
   EXPECT_LT((captured.position - trained.pose->position(batch.dofs.select(1, -1).contiguous())).norm().item<float>(),
             0.5f);
   const auto [A, T] = trained.deformation(batch.person.select(1, 0));

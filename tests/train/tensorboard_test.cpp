@@ -21,7 +21,7 @@ TEST(Crc32cReference, KnownChecksums) {
   EXPECT_EQ(crc32c(std::string(32, '\0').data(), 32), 0x8a9136aau);
   EXPECT_EQ(crc32c(std::string(32, '\xff').data(), 32), 0x62a8ab43u);
   EXPECT_EQ(crc32c(nullptr, 0), 0u);
-  // Continued at any place it is the same.
+  // Continued at any position it is the same.
   for (std::size_t split = 0; split <= 9; ++split)
     EXPECT_EQ(crc32c("123456789" + split, 9 - split, crc32c("123456789", split)), 0xe3069283u);
 }

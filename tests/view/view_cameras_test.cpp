@@ -21,7 +21,7 @@ namespace {
 using support::message_of;
 using ::testing::HasSubstr;
 
-/// A capture of two cameras with pictures and masks of four test frames.
+/// A capture of two cameras with images and masks of four test frames.
 class ViewCamerasTest : public testing::Test {
  protected:
   ViewCamerasTest() {
@@ -43,11 +43,11 @@ class ViewCamerasTest : public testing::Test {
   Capture capture_;
 };
 
-TEST_F(ViewCamerasTest, PicturesAreThoseOfTheFrame) {
+TEST_F(ViewCamerasTest, ImagesAreThoseOfTheFrame) {
   ViewCameras cameras(capture_, capture_.sequences[1]);
   ASSERT_EQ(cameras.size(), 2U);
   for (const long frame : {0L, 3L, 1L}) {  // also backwards
-    const cv::Mat expected = filmed(1, frame), found = decoded(cameras.picture(1, frame, false));
+    const cv::Mat expected = filmed(1, frame), found = decoded(cameras.image(1, frame, false));
     ASSERT_EQ(found.size(), expected.size());
     EXPECT_LT(cv::norm(found, expected, cv::NORM_L1) / (3.0 * static_cast<double>(expected.total())), 3.0) << frame;
   }
@@ -56,7 +56,7 @@ TEST_F(ViewCamerasTest, PicturesAreThoseOfTheFrame) {
 
 TEST_F(ViewCamerasTest, TheMaskIsPaintedGreen) {
   ViewCameras cameras(capture_, capture_.sequences[1]);
-  const cv::Mat plain = decoded(cameras.picture(0, 2, false)), painted = decoded(cameras.picture(0, 2, true));
+  const cv::Mat plain = decoded(cameras.image(0, 2, false)), painted = decoded(cameras.image(0, 2, true));
   const cv::Mat mask = cv::imread((folder_ / "dance" / "mask_c0_2.png").string(), cv::IMREAD_GRAYSCALE);
   cv::Mat core, outside;
   cv::erode(mask, core, {}, {-1, -1}, 4);
@@ -78,16 +78,16 @@ TEST_F(ViewCamerasTest, AFilmedCameraSaysWhereItStands) {
 
 TEST_F(ViewCamerasTest, RefusesWhatDoesNotExist) {
   ViewCameras cameras(capture_, capture_.sequences[1]);
-  EXPECT_THAT(message_of<UsageError>([&] { cameras.picture(2, 0, false); }), HasSubstr("there are 2"));
-  EXPECT_THAT(message_of<UsageError>([&] { cameras.picture(-1, 0, false); }), HasSubstr("no camera -1"));
-  EXPECT_THAT(message_of([&] { cameras.picture(0, 99, false); }), HasSubstr("99"));
+  EXPECT_THAT(message_of<UsageError>([&] { cameras.image(2, 0, false); }), HasSubstr("there are 2"));
+  EXPECT_THAT(message_of<UsageError>([&] { cameras.image(-1, 0, false); }), HasSubstr("no camera -1"));
+  EXPECT_THAT(message_of([&] { cameras.image(0, 99, false); }), HasSubstr("99"));
   capture_.sequences[1].masks = CameraPaths();
   ViewCameras without(capture_, capture_.sequences[1]);
   EXPECT_FALSE(without.has_masks());
-  EXPECT_THAT(message_of<UsageError>([&] { without.picture(0, 0, true); }), HasSubstr("no masks"));
+  EXPECT_THAT(message_of<UsageError>([&] { without.image(0, 0, true); }), HasSubstr("no masks"));
 }
 
-TEST_F(ViewCamerasTest, ACaptureIsShownWithItsCamerasWhereItsPicturesAreThere) {
+TEST_F(ViewCamerasTest, ACaptureIsShownWithItsCamerasWhereItsImagesAreThere) {
   EXPECT_EQ(open_view_subject(folder_.path()).cameras->size(), 2U);
   EXPECT_EQ(open_view_subject(folder_ / "prepared").cameras->size(), 2U);
   ViewOptions options;

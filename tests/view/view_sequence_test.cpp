@@ -145,15 +145,15 @@ TEST_F(ViewSequenceTest, ThePageGetsTheSequenceAndItsPointsInSpace) {
     }
 }
 
-TEST_F(ViewSequenceTest, PicturesAndMasksAreThoseOfTheFrame) {
+TEST_F(ViewSequenceTest, ImagesAndMasksAreThoseOfTheFrame) {
   Served served(whole_capture());
   EXPECT_EQ(nlohmann::json::parse(served.get("/api/cameras")->body)["cameras"].size(), as_size(kCameras));
-  const auto picture = [&](int frame, int mask) {
+  const auto image = [&](int frame, int mask) {
     const std::string jpeg = served.get(fmt::format("/api/picture?camera=1&frame={}&mask={}", frame, mask))->body;
     return cv::imdecode(std::vector<char>(jpeg.begin(), jpeg.end()), cv::IMREAD_COLOR);
   };
-  for (const int frame : {0, 5, 1}) EXPECT_NEAR(cv::mean(picture(frame, 0))[0], brightness(kFirstRow + frame), 1.5);
-  const cv::Mat painted = picture(0, 1);
+  for (const int frame : {0, 5, 1}) EXPECT_NEAR(cv::mean(image(frame, 0))[0], brightness(kFirstRow + frame), 1.5);
+  const cv::Mat painted = image(0, 1);
   EXPECT_GT(painted.at<cv::Vec3b>(80, 80)[1], brightness(kFirstRow) + 30);
   EXPECT_NEAR(painted.at<cv::Vec3b>(10, 10)[1], brightness(kFirstRow), 3);
   EXPECT_EQ(served.get("/api/picture?camera=1&frame=6&mask=0")->status, 400);

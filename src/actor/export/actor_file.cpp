@@ -56,14 +56,14 @@ ActorFile ActorFile::load(const std::filesystem::path& path) {
   try {
     ActorDescription& d = actor.description_;
     d.name = file.metadata.at("name");
-    d.past_frames = metadata_integer(file.metadata.at("window"), path, "window", 1, kMostScriptSide) - 1;
+    d.past_frames = metadata_integer(file.metadata.at("window"), path, "window", 1, kMaxScriptSide) - 1;
     d.dof_names = file.metadata.at("dof_names").get<std::vector<std::string>>();
     d.joint_names = file.metadata.at("joint_names").get<std::vector<std::string>>();
-    d.num_vertices = metadata_integer(file.metadata.at("num_vertices"), path, "num_vertices", 1, kMostScriptVertices);
+    d.num_vertices = metadata_integer(file.metadata.at("num_vertices"), path, "num_vertices", 1, kMaxScriptVertices);
     d.frames_per_second = file.metadata.at("frames_per_second");
     d.fingerprint = file.metadata.at("fingerprint");
     if (file.metadata.contains("texture"))
-      d.texture_size = metadata_integer(file.metadata.at("texture").at("size"), path, "size", 1, kMostScriptSide);
+      d.texture_size = metadata_integer(file.metadata.at("texture").at("size"), path, "size", 1, kMaxScriptSide);
   } catch (const nlohmann::json::exception& e) {
     fail_metadata(path, ScriptKind::actor, e);
   }

@@ -20,13 +20,13 @@ PoseFile PoseFile::load(const std::filesystem::path& path) {
   try {
     PoseFileDescription& d = pose.description_;
     d.name = file.metadata.at("name");
-    d.input_size = metadata_integer(file.metadata.at("input_size"), path, "input_size", 1, kMostScriptSide);
+    d.input_size = metadata_integer(file.metadata.at("input_size"), path, "input_size", 1, kMaxScriptSide);
     d.deformed = file.metadata.at("deformed");
     d.confidence_threshold = file.metadata.at("confidence_threshold");
     d.dof_names = file.metadata.at("dof_names").get<std::vector<std::string>>();
     d.joint_names = file.metadata.at("joint_names").get<std::vector<std::string>>();
     d.landmark_names = file.metadata.at("landmark_names").get<std::vector<std::string>>();
-    d.num_vertices = metadata_integer(file.metadata.at("num_vertices"), path, "num_vertices", 1, kMostScriptVertices);
+    d.num_vertices = metadata_integer(file.metadata.at("num_vertices"), path, "num_vertices", 1, kMaxScriptVertices);
     d.fingerprint = file.metadata.at("fingerprint");
   } catch (const nlohmann::json::exception& e) {
     fail_metadata(path, ScriptKind::pose, e);

@@ -240,9 +240,9 @@ ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind) 
     fail_at(where, "is not a TorchScript file, or is damaged; `doppel export` writes {}s", words.name);
   }
   const ScriptKind other = kind == ScriptKind::actor ? ScriptKind::pose : ScriptKind::actor;
-  constexpr std::size_t kMostDepth = 50;  // what copies or prints a JSON value calls itself for each level
-  if (is_json_deeper_than(extra.at("metadata.json"), kMostDepth))
-    fail_at(where, "its metadata.json nests lists and objects more than {} deep", kMostDepth);
+  constexpr std::size_t kMaxDepth = 50;  // what copies or prints a JSON value calls itself for each level
+  if (is_json_deeper_than(extra.at("metadata.json"), kMaxDepth))
+    fail_at(where, "its metadata.json nests lists and objects more than {} deep", kMaxDepth);
   try {
     file.metadata = nlohmann::json::parse(extra.at("metadata.json"));
     if (file.metadata.contains(words_of(other).key)) fail_at(where, "is {}", words_of(other).contents);

@@ -82,8 +82,8 @@ ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind);
 int metadata_integer(const nlohmann::json& value, const std::filesystem::path& path, const char* key, int least,
                      int most);
 /// Vertices of a file that is read.
-inline constexpr int kMostScriptVertices = 100'000'000;
+inline constexpr int kMaxScriptVertices = 100'000'000;
 /// Sides of images in pixels, and frames of a window, in a file that is read.
-inline constexpr int kMostScriptSide = 16384;
+inline constexpr int kMaxScriptSide = 16384;
 
 }  // namespace doppel

@@ -11,7 +11,7 @@ namespace doppel {
 namespace {
 
 constexpr int kOpset = 17, kIrVersion = 8;
-constexpr std::size_t kLargestFile = (std::size_t{1} << 31) - 1;
+constexpr std::size_t kMaxFileBytes = (std::size_t{1} << 31) - 1;
 
 onnx::TensorProto_DataType onnx_type(torch::ScalarType type) {
   switch (type) {
@@ -168,7 +168,7 @@ std::string OnnxGraph::bytes(const std::string& name, const std::map<std::string
     pair->set_key(key);
     pair->set_value(value);
   }
-  if (model_->ByteSizeLong() > kLargestFile)
+  if (model_->ByteSizeLong() > kMaxFileBytes)
     fail("writing ONNX: the model of {} needs {:.1f} GB, a file holds at most 2 GB; --format torchscript has no limit",
          name, static_cast<double>(model_->ByteSizeLong()) / 1e9);
   try {

@@ -15,12 +15,12 @@
 namespace doppel {
 namespace {
 
-constexpr double kHighestRate = 16000.0;    // samples per second that are compared
+constexpr double kMaxRate = 16000.0;        // samples per second that are compared
 constexpr double kSecondsOfPeak = 0.05;     // around the highest peak, where echoes make others
 constexpr double kOnsetRate = 200.0;        // onsets per second
 constexpr double kOnsetTolerance = 0.02;    // seconds by which onsets and phases may disagree
 constexpr double kShareOfBestOnsets = 0.6;  // of the best lag's agreement that the lag of the phases needs
-constexpr double kLeastPower = 1e-3;        // of the mean power: weaker frequencies count less
+constexpr double kMinPower = 1e-3;          // of the mean power: weaker frequencies count less
 
 void check_audio(const AudioTrack& track, const std::string& which) {
   if (!(track.rate >= 1000.0 && track.rate <= 1e6))
@@ -69,7 +69,7 @@ cv::Mat correlation(const std::vector<double>& a, const std::vector<double>& b, 
     for (int i = 0; i < size; ++i) mean += cv::norm(product.at<cv::Vec2d>(i)) / size;
     for (int i = 0; i < size; ++i) {
       cv::Vec2d& value = product.at<cv::Vec2d>(i);
-      value /= cv::norm(value) + kLeastPower * mean + 1e-300;
+      value /= cv::norm(value) + kMinPower * mean + 1e-300;
     }
   }
   cv::dft(product, product, cv::DFT_INVERSE | cv::DFT_SCALE);
@@ -136,7 +136,7 @@ AudioOffset audio_offset(const AudioTrack& first, const AudioTrack& second, cons
   check_audio(first, "first");
   check_audio(second, "second");
   if (!(options.longest > 0.0)) fail<UsageError>("comparing sounds: the longest offset is {} s", options.longest);
-  const double rate = std::min({first.rate, second.rate, kHighestRate});
+  const double rate = std::min({first.rate, second.rate, kMaxRate});
   const std::vector<double> a = at_rate(first, rate), b = at_rate(second, rate);
   const auto shorter = static_cast<double>(std::min(a.size(), b.size()));
   const int reach = static_cast<int>(std::min(options.longest * rate, shorter - 1.0));

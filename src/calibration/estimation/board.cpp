@@ -15,12 +15,12 @@
 namespace doppel {
 namespace {
 
-constexpr int kMostSquares = 100;
-constexpr double kLargestSquare = 10.0;  // metres
-constexpr int kSearchedSide = 1200;      // pixels; larger images are searched at this size
-constexpr std::size_t kFewestCorners = 6;
+constexpr int kMaxSquares = 100;
+constexpr double kMaxSquare = 10.0;  // metres
+constexpr int kSearchedSide = 1200;  // pixels; larger images are searched at this size
+constexpr std::size_t kMinCorners = 6;
 constexpr double kShareOfSpacing = 0.35;  // of the distance of two corners: half of the window that refines a corner
-constexpr int kLargestHalfWindow = 15;
+constexpr int kMaxHalfWindow = 15;
 
 const std::map<std::string, int>& dictionaries() {
   static const std::map<std::string, int> kAll{{"DICT_4X4_50", cv::aruco::DICT_4X4_50},
@@ -60,10 +60,10 @@ std::array<int, 2> parse_grid(const std::string& board, const std::string& text)
   int length = 0;
   const int found = std::sscanf(text.c_str(), "%4dx%4d%n", &grid[0], &grid[1], &length);
   if (found != 2 || length != static_cast<int>(text.size()) || std::min(grid[0], grid[1]) < 2 ||
-      std::max(grid[0], grid[1]) > kMostSquares)
+      std::max(grid[0], grid[1]) > kMaxSquares)
     fail<UsageError>(
         "the board \"{}\": \"{}\" is no number of columns and rows; write for instance 6x3, each from 2 to {}", board,
-        text, kMostSquares);
+        text, kMaxSquares);
   return grid;
 }
 
@@ -75,10 +75,10 @@ double parse_length(const std::string& board, const std::string& text) {
   const std::string name = unit;
   const double metres = name == "mm" ? 1e-3 : name == "cm" ? 1e-2 : name == "m" ? 1.0 : 0.0;
   number *= metres;
-  if (found != 2 || length != static_cast<int>(text.size()) || !(number > 0.0 && number <= kLargestSquare))
+  if (found != 2 || length != static_cast<int>(text.size()) || !(number > 0.0 && number <= kMaxSquare))
     fail<UsageError>(
         "the board \"{}\": \"{}\" is no length; write a number with mm, cm or m, for instance 60mm, up to {:g} m",
-        board, text, kLargestSquare);
+        board, text, kMaxSquare);
   return number;
 }
 
@@ -107,7 +107,7 @@ double spacing(const std::vector<cv::Point2f>& corners, int columns) {
 
 /// Corners to a fraction of a pixel, in a window that holds no other corner.
 void refine_corners(const cv::Mat& image, std::vector<cv::Point2f>& corners, double distance) {
-  const int half = std::clamp(static_cast<int>(kShareOfSpacing * distance), 2, kLargestHalfWindow);
+  const int half = std::clamp(static_cast<int>(kShareOfSpacing * distance), 2, kMaxHalfWindow);
   cv::cornerSubPix(image, corners, {half, half}, {-1, -1}, {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 60, 1e-4});
 }
 
@@ -180,7 +180,7 @@ std::optional<BoardView> find_charuco(const cv::Mat& image, const Board& board) 
   std::vector<cv::Point2f> corners;
   std::vector<int> corner_ids;
   cv::aruco::interpolateCornersCharuco(markers, ids, image, charuco, corners, corner_ids);
-  if (corner_ids.size() < kFewestCorners) return std::nullopt;
+  if (corner_ids.size() < kMinCorners) return std::nullopt;
   double side = 1e9;
   for (const auto& marker : markers) side = std::min(side, cv::norm(marker[0] - marker[1]));
   // The nearest other corner is that of a marker, half of the difference of the sides away.

@@ -18,7 +18,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kSigmasOfKernel = 3.0;  // the kernel's scale in standard deviations of a residual
-constexpr double kFewestFreedoms = 0.1;  // of the weighted residuals less the unknowns, per residual
+constexpr double kMinFreedoms = 0.1;     // of the weighted residuals less the unknowns, per residual
 
 }  // namespace
 
@@ -279,7 +279,7 @@ double BundleProblem::residual_variance() {
   }
   const double residuals = 2.0 * weights;
   const auto unknowns = static_cast<double>(state_size());
-  return squares / std::max(kFewestFreedoms * residuals, residuals - unknowns);
+  return squares / std::max(kMinFreedoms * residuals, residuals - unknowns);
 }
 
 }  // namespace doppel

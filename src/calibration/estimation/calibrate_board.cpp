@@ -25,14 +25,14 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr std::size_t kFewestCornersOfView = 6;
+constexpr std::size_t kMinCornersOfView = 6;
 constexpr double kWorstOfMedian = 3.0;    // times the median error of all views: such a view is left out
 constexpr double kWorstPixels = 0.5;      // views below are never left out
 constexpr double kUncertainFocal = 0.05;  // relative standard deviation
-constexpr double kSmallestTilt = 0.14;    // radians between the image and the board, in the view with the largest
+constexpr double kMinTilt = 0.14;         // radians between the image and the board, in the view with the largest
 constexpr double kBoardKernel = 3.0;      // pixels of an image 1024 wide
-constexpr std::size_t kFewestSharedViews = 1;
-constexpr double kShareThatAgrees = 0.8, kLargestDisagreement = 6.0;  // of the corners; pixels of an image 1024 wide
+constexpr std::size_t kMinSharedViews = 1;
+constexpr double kShareThatAgrees = 0.8, kMaxDisagreement = 6.0;  // of the corners; pixels of an image 1024 wide
 
 /// A rigid motion x -> R x + t.
 struct Rigid {
@@ -50,18 +50,18 @@ struct CvView {
 };
 
 /// Where the board lies in the image: middle, size and perspective, as shares of the image.
-Eigen::Matrix<double, 5, 1> place_of(const CvView& view, int width, int height) {
+Eigen::Matrix<double, 5, 1> features_of(const CvView& view, int width, int height) {
   const cv::RotatedRect box = cv::minAreaRect(view.image);
-  Eigen::Matrix<double, 5, 1> place;
+  Eigen::Matrix<double, 5, 1> features;
   const double angle = box.angle * CV_PI / 180.0;
-  place << box.center.x / width, box.center.y / height,
+  features << box.center.x / width, box.center.y / height,
       std::sqrt(box.size.area() / (width * static_cast<double>(height))),
       0.3 * std::min(box.size.width, box.size.height) / std::max(1.0F, std::max(box.size.width, box.size.height)),
       0.1 * std::sin(2.0 * angle);
-  return place;
+  return features;
 }
 
-/// At most `most` views, those whose places differ most.
+/// At most `most` views, those whose positions differ most.
 std::vector<CvView> different_views(std::vector<CvView> views, int width, int height, std::size_t most) {
   if (views.size() <= most) return views;
   std::vector<double> apart(views.size(), std::numeric_limits<double>::infinity());
@@ -69,9 +69,9 @@ std::vector<CvView> different_views(std::vector<CvView> views, int width, int he
   std::size_t next = 0;
   while (chosen.size() < most) {
     chosen.push_back(views[next]);
-    const auto place = place_of(views[next], width, height);
+    const auto features = features_of(views[next], width, height);
     for (std::size_t i = 0; i < views.size(); ++i)
-      apart[i] = std::min(apart[i], (place_of(views[i], width, height) - place).norm());
+      apart[i] = std::min(apart[i], (features_of(views[i], width, height) - features).norm());
     next = as_size(std::max_element(apart.begin(), apart.end()) - apart.begin());
   }
   return chosen;
@@ -80,7 +80,7 @@ std::vector<CvView> different_views(std::vector<CvView> views, int width, int he
 std::vector<CvView> views_of(const BoardSightings& sightings, const Board& board) {
   std::vector<CvView> views;
   for (const auto& [instant, seen] : sightings.views) {
-    if (seen.corners.size() < kFewestCornersOfView || seen.corners.size() != seen.pixels.size()) continue;
+    if (seen.corners.size() < kMinCornersOfView || seen.corners.size() != seen.pixels.size()) continue;
     CvView view{instant, {}, {}};
     for (std::size_t i = 0; i < seen.corners.size(); ++i) {
       const Vector3d corner = board.corner(seen.corners[i]);
@@ -189,7 +189,7 @@ std::optional<Rigid> board_pose(const Camera& camera, const Board& board, const 
     corners.emplace_back(corner.x(), corner.y(), 0.0);
     plane.emplace_back(seen->plane.x(), seen->plane.y());
   }
-  if (corners.size() < kFewestCornersOfView) return std::nullopt;
+  if (corners.size() < kMinCornersOfView) return std::nullopt;
   cv::Mat turn, shift;
   const cv::Mat unit = cv::Mat::eye(3, 3, CV_64F);
   if (!cv::solvePnP(corners, plane, unit, {}, turn, shift, false, cv::SOLVEPNP_IPPE)) return std::nullopt;
@@ -228,7 +228,7 @@ std::size_t shared_instants(const Poses& a, const Poses& b) {
   return as_size(std::count_if(a.begin(), a.end(), [&](const auto& entry) { return b.count(entry.first) > 0; }));
 }
 
-/// Places cameras one after the other, always over the pair with the most shared views.
+/// Adds cameras one after the other, always over the pair with the most shared views.
 /// @return [C] camera from world, nothing for cameras that no boards connect
 std::vector<std::optional<Rigid>> chained_poses(const std::vector<Poses>& poses) {
   std::vector<std::optional<Rigid>> placed(poses.size());
@@ -240,7 +240,7 @@ std::vector<std::optional<Rigid>> chained_poses(const std::vector<Poses>& poses)
       most_views = shared;
       root = a;
     }
-  if (most_views < kFewestSharedViews) return placed;
+  if (most_views < kMinSharedViews) return placed;
   placed[root] = Rigid{};
   while (true) {
     std::size_t best = 0, from = 0, to = 0;
@@ -251,7 +251,7 @@ std::vector<std::optional<Rigid>> chained_poses(const std::vector<Poses>& poses)
         from = a;
         to = b;
       }
-    if (best < kFewestSharedViews) return placed;
+    if (best < kMinSharedViews) return placed;
     placed[to] = middle_motion(poses[from], poses[to]) * *placed[from];
   }
 }
@@ -404,7 +404,7 @@ class BoardRig {
     for (Rigid& board : boards_) board = {turn * board.R, turn * board.t - origin};
   }
 
-  /// Whether the boards of one number lie at one place for all cameras.
+  /// Whether the boards of one number lie at one position for all cameras.
   bool agrees() const {
     std::vector<double> distances;
     for (const BoardProblem::Seen& seen : seen_) {
@@ -413,7 +413,7 @@ class BoardRig {
       const auto pixel = safe_pixel(camera, board.R * seen.corner + board.t);
       distances.push_back(pixel ? rig_reference_pixels(camera) * (*pixel - seen.pixel).norm() : kRigReferenceWidth);
     }
-    return quantile(distances, kShareThatAgrees) <= kLargestDisagreement;
+    return quantile(distances, kShareThatAgrees) <= kMaxDisagreement;
   }
 
   void report() {
@@ -501,7 +501,7 @@ CameraIntrinsics calibrate_intrinsics(const BoardSightings& sightings, const Boa
   }
   const double focal = result.camera.K(0, 0);
   const std::vector<std::string> faults = result.camera.faults();
-  if (!faults.empty() || !(tilt >= kSmallestTilt) || !(result.focal_sigma <= kUncertainFocal * focal))
+  if (!faults.empty() || !(tilt >= kMinTilt) || !(result.focal_sigma <= kUncertainFocal * focal))
     fail(
         "calibrating camera {}: the focal length stays uncertain ({:.0f} +- {:.0f} pixels); the board must be seen at "
         "different angles, not only face to face",
@@ -543,7 +543,8 @@ BoardCalibration calibrate_boards(const std::vector<BoardSightings>& sightings, 
       add_notes_of_poses(result);
     } else {
       result.notes.emplace_back(
-          "no poses: images of the same number show the board at different places, so they were not taken at the same "
+          "no poses: images of the same number show the board at different positions, so they were not taken at the "
+          "same "
           "instants");
     }
   } else if (sightings.size() > 1) {

@@ -75,7 +75,7 @@ std::vector<std::pair<int, int>> pairs_to_compare(const std::vector<Camera>& cam
     std::vector<std::pair<double, std::size_t>> partners;
     for (std::size_t b = 0; b < cameras.size(); ++b) {
       const double baseline = (cameras[a].centre() - cameras[b].centre()).norm();
-      if (a == b || !(baseline > 1e-6)) continue;  // cameras in one place have no epipolar lines
+      if (a == b || !(baseline > 1e-6)) continue;  // cameras in one position have no epipolar lines
       const double cosine = cameras[a].R.row(2).dot(cameras[b].R.row(2));
       partners.emplace_back(std::abs(std::acos(std::clamp(cosine, -1.0, 1.0)) - kBestAngle), b);
     }

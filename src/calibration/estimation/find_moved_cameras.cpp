@@ -16,16 +16,16 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr std::size_t kFewestTimes = 20;
-constexpr double kSmallestKernel = 2.5;  // pixels of an image 1024 wide
+constexpr std::size_t kMinTimes = 20;
+constexpr double kMinKernel = 2.5;  // pixels of an image 1024 wide
 constexpr double kKernelOfMedian = 3.0;
 constexpr int kSplitRounds = 4;
 constexpr std::size_t kTimesBesideSplit = 12;  // that must show the jump
-constexpr std::size_t kFewestOfPose = 30;      // points
+constexpr std::size_t kMinPosePoints = 30;     // points
 
 using Signature = Eigen::Vector4d;  // of one time: shift, turn and growth of the image, pixels
 
-/// What one camera saw of points that the other cameras place in space.
+/// What one camera saw of points that the other cameras see in space.
 struct CameraSightings {
   std::vector<double> times;
   std::vector<std::vector<PointSighting>> points;  ///< [T]
@@ -146,21 +146,21 @@ class MoveOfCamera {
   /// @return false when there are too few points
   bool fit() {
     const std::size_t count = seen_.times.size();
-    if (count < std::max(kFewestTimes, 2 * shortest_ + 1)) return false;
+    if (count < std::max(kMinTimes, 2 * shortest_ + 1)) return false;
     const std::vector<PointSighting> all = seen_.between(0, count);
-    kernel_ = std::max(kSmallestKernel, kKernelOfMedian * median_residual(camera_, all));
+    kernel_ = std::max(kMinKernel, kKernelOfMedian * median_residual(camera_, all));
     one_ = fit_pose(camera_, all, kernel_);
     split_ = first_split(one_, seen_, shortest_);
     before_ = after_ = one_;
     for (int round = 0; round < kSplitRounds; ++round) {
       const std::vector<PointSighting> early = seen_.between(0, split_), late = seen_.between(split_, count);
-      if (std::min(early.size(), late.size()) < kFewestOfPose) return false;
+      if (std::min(early.size(), late.size()) < kMinPosePoints) return false;
       before_ = fit_pose(before_, early, kernel_);
       after_ = fit_pose(after_, late, kernel_);
       // With two poses the residuals are those of the detector; its kernel no longer bears the move.
       std::vector<PointSighting> first = early;
       const double median = std::max(median_residual(before_, first), median_residual(after_, late));
-      kernel_ = std::max(kSmallestKernel, std::min(kernel_, kKernelOfMedian * median));
+      kernel_ = std::max(kMinKernel, std::min(kernel_, kKernelOfMedian * median));
       cost_before_ = costs_of(before_, seen_, kernel_);
       cost_after_ = costs_of(after_, seen_, kernel_);
       const std::size_t better = best_split(cost_before_, cost_after_, shortest_, 1.0);
@@ -232,7 +232,7 @@ class MoveOfCamera {
   Camera camera_, one_, before_, after_;
   CameraSightings seen_;
   std::size_t shortest_ = 3, split_ = 0;
-  double kernel_ = kSmallestKernel;
+  double kernel_ = kMinKernel;
   std::vector<double> cost_before_, cost_after_;
 };
 

@@ -13,9 +13,9 @@
 namespace doppel {
 namespace {
 
-constexpr double kMostFrames = 160.0;      // of one camera that are compared at each lag
-constexpr double kSmallestOverlap = 0.35;  // of the samples at the lag with the most
-constexpr double kFewestOfLag = 30.0;
+constexpr double kMaxFrames = 160.0;  // of one camera that are compared at each lag
+constexpr double kMinOverlap = 0.35;  // of the samples at the lag with the most
+constexpr double kMinLagSamples = 30.0;
 constexpr int kCoarse = 4;  // every fourth lag is looked at for the kernel's scale
 constexpr double kScaleOfLagMedian = 2.0;
 constexpr double kRoughCalibration = 8.0;  // pixels of an image 1024 wide
@@ -38,7 +38,7 @@ class PairAtLags {
   std::vector<double> at(double lag) const {
     const auto reach = static_cast<long>(std::abs(lag) * in_a_.fps) + 1;
     const long first = std::max(0L, first_ - reach), last = std::min(in_a_.num_frames() - 1, last_ + reach);
-    const long stride = std::max(1L, std::lround(static_cast<double>(last_ - first_ + 1) / kMostFrames));
+    const long stride = std::max(1L, std::lround(static_cast<double>(last_ - first_ + 1) / kMaxFrames));
     std::vector<double> found;
     for (long frame = first; frame <= last; frame += stride) {
       const double other = in_b_.frame_at(in_a_.seconds_at(static_cast<double>(frame)) + lag);
@@ -74,7 +74,7 @@ double least_median(const PairAtLags& pair, int reach, double step, bool unbiase
   for (int i = -reach; i <= reach; i += kCoarse) {
     const std::vector<double> distances = sizes_of(pair.at(i * step), unbiased);
     most = std::max(most, static_cast<double>(distances.size()));
-    if (static_cast<double>(distances.size()) < std::max(kFewestOfLag, kSmallestOverlap * most)) continue;
+    if (static_cast<double>(distances.size()) < std::max(kMinLagSamples, kMinOverlap * most)) continue;
     least = std::min(least, quantile(distances, 0.5));
   }
   return least;
@@ -104,19 +104,19 @@ LagCurve curve_of(const std::vector<Camera>& cameras, const PointTracks& tracks,
   }
   curve.samples = *std::max_element(counts.begin(), counts.end());
   for (std::size_t i = 0; i < counts.size(); ++i)
-    if (counts[i] < std::max(kFewestOfLag, kSmallestOverlap * curve.samples)) curve.costs[i] = 1.0;
+    if (counts[i] < std::max(kMinLagSamples, kMinOverlap * curve.samples)) curve.costs[i] = 1.0;
   return curve;
 }
 
-/// Places cameras by the curves of their pairs.
+/// Adds cameras by the curves of their pairs.
 class LagGraph {
  public:
   LagGraph(int cameras, std::vector<LagCurve> curves, const LagSearchOptions& options)
       : curves_(std::move(curves)), options_(options), found_(as_size(cameras)) {}
 
-  std::vector<FoundLag> place() {
+  std::vector<FoundLag> solve() {
     found_[options_.reference].reached = true;
-    while (place_clearest()) {
+    while (add_clearest()) {
     }
     for (int sweep = 0; sweep < kSweeps; ++sweep)
       for (int c = 0; c < static_cast<int>(found_.size()); ++c)
@@ -125,7 +125,7 @@ class LagGraph {
   }
 
  private:
-  bool place_clearest() {
+  bool add_clearest() {
     int clearest = -1;
     FoundLag best;
     for (int c = 0; c < static_cast<int>(found_.size()); ++c) {
@@ -145,7 +145,7 @@ class LagGraph {
     std::vector<double> sums(2 * options_.steps + 1, 0.0);
     double samples = 0.0;
     for (const LagCurve& curve : curves_) {
-      if ((curve.a != camera && curve.b != camera) || curve.samples < kFewestOfLag) continue;
+      if ((curve.a != camera && curve.b != camera) || curve.samples < kMinLagSamples) continue;
       const int other = curve.a == camera ? curve.b : curve.a;
       if (!found_[other].reached) continue;
       samples += curve.samples;
@@ -177,7 +177,7 @@ std::vector<FoundLag> search_lags(const std::vector<Camera>& cameras, const Poin
                                   const LagSearchOptions& options) {
   std::vector<LagCurve> curves;
   for (const auto& [a, b] : pairs_to_compare(cameras)) curves.push_back(curve_of(cameras, tracks, a, b, options));
-  return LagGraph(tracks.num_cameras(), std::move(curves), options).place();
+  return LagGraph(tracks.num_cameras(), std::move(curves), options).solve();
 }
 
 }  // namespace doppel

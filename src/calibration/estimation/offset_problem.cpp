@@ -15,11 +15,11 @@ namespace {
 
 constexpr double kSecondsOfStretch = 0.5;  // errors of keypoints that are farther apart are independent
 constexpr double kMarginOfSample = 0.8;    // widths by which a sample may be moved
-constexpr double kLeastShareOfStretches = 0.3;
-constexpr double kStepOfCurvature = 0.4;      // widths
-constexpr double kSampleGroup = 10.0;         // rows whose errors are about the same
-constexpr double kNarrowestOfTangents = 0.1;  // kernel of frontier points over the smallest kernel of points
-constexpr double kMostSurer = 12.0;           // times that a frontier point is surer than a point, at most
+constexpr double kMinShareOfStretches = 0.3;
+constexpr double kStepOfCurvature = 0.4;       // widths
+constexpr double kSampleGroup = 10.0;          // rows whose errors are about the same
+constexpr double kMinTangentKernel = 0.1;      // kernel of frontier points over the smallest kernel of points
+constexpr double kMaxTangentPrecision = 12.0;  // times that a frontier point is surer than a point, at most
 
 }  // namespace
 
@@ -129,9 +129,9 @@ void OffsetProblem::begin_round(const Eigen::VectorXd& state, double kernel, dou
         sizes[is_tangent({t, k}) ? 1 : 0].push_back(std::abs(found.value));
       }
     const double of_points = std::max(kernel, factor * quantile(sizes[0], 0.5));
-    const double of_tangents = std::max(kNarrowestOfTangents * kernel, factor * quantile(sizes[1], 0.5));
+    const double of_tangents = std::max(kMinTangentKernel * kernel, factor * quantile(sizes[1], 0.5));
     pair.kernels = {RobustKernel::geman_mcclure_of(of_points), RobustKernel::geman_mcclure_of(of_tangents)};
-    pair.weight_of_tangents = std::pow(std::min(kMostSurer, of_points / of_tangents), 2);
+    pair.weight_of_tangents = std::pow(std::min(kMaxTangentPrecision, of_points / of_tangents), 2);
   }
 }
 
@@ -277,7 +277,7 @@ Eigen::MatrixXd OffsetProblem::covariance(const Eigen::VectorXd& state) {
     const Eigen::Index first = num_camera_unknowns_ + kBiasTerms * static_cast<Eigen::Index>(p);
     unknowns -= prior_weight(pairs_[p]) * inverse.diagonal().segment<kBiasTerms>(first).sum();
   }
-  spread *= count / std::max(count - unknowns, kLeastShareOfStretches * count + 1.0);
+  spread *= count / std::max(count - unknowns, kMinShareOfStretches * count + 1.0);
   for (std::size_t p = 0; p < pairs_.size(); ++p) {  // the bias terms are as uncertain as their prior says
     const Eigen::Index first = num_camera_unknowns_ + kBiasTerms * static_cast<Eigen::Index>(p);
     const double weight = prior_weight(pairs_[p]) * allowed_bias_;

@@ -18,10 +18,10 @@ using Eigen::Vector3d;
 
 constexpr double kSmoothing = 0.5;  // pixels; an edge stays in its place, its steps go
 constexpr double kHalf = 127.5;
-constexpr double kBorder = 2.0;         // pixels
-constexpr double kLeastAcross = 0.1;    // sine of the angle between a ray and the baseline
-constexpr double kSmallestTurn = 0.2;   // length of the mean viewing direction across the baseline
-constexpr double kWidestPencil = 0.17;  // cosine of 80 degrees
+constexpr double kBorder = 2.0;      // pixels
+constexpr double kMinAcross = 0.1;   // sine of the angle between a ray and the baseline
+constexpr double kMinTurn = 0.2;     // length of the mean viewing direction across the baseline
+constexpr double kMaxPencil = 0.17;  // cosine of 80 degrees
 
 /// The crossings of one half along the rows of an image, the first and the last of each row. x and y are exchanged if
 /// `transposed`.
@@ -69,7 +69,7 @@ FrontierFinder::FrontierFinder(const Camera& a, const Camera& b) : cameras_{&a, 
   const Vector3d along = (b.centre() - a.centre()).normalized();
   const Vector3d looking = (a.R.row(2) + b.R.row(2)).transpose() / 2.0;
   const Vector3d towards = looking - along * along.dot(looking);
-  usable_ = towards.norm() >= kSmallestTurn;
+  usable_ = towards.norm() >= kMinTurn;
   Eigen::Matrix3d pencil;
   pencil.row(0) = towards.normalized();
   pencil.row(1) = along.cross(towards).normalized();
@@ -93,7 +93,7 @@ std::optional<Vector2d> FrontierFinder::tangent(int which, const Outline& outlin
     if (!straight) return std::nullopt;
     const Vector3d ray = (pencil_from_pixel_[which] * straight->homogeneous()).normalized();
     const double across = std::hypot(ray.x(), ray.y());
-    if (across < kLeastAcross || ray.x() < kWidestPencil * across) return std::nullopt;
+    if (across < kMinAcross || ray.x() < kMaxPencil * across) return std::nullopt;
     const double slope = (side == 0 ? -1.0 : 1.0) * ray.y() / ray.x();
     if (best != nullptr && slope <= extreme) continue;
     best = &corner;

@@ -18,17 +18,17 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr long kFewestObservations = 40;   // of a camera that is refined
-constexpr std::size_t kFewestPoints = 30;  // in space
-constexpr double kSmallestSpread = 0.02;   // metres; root mean square distance of the points from their middle
+constexpr long kMinObservations = 40;   // of a camera that is refined
+constexpr std::size_t kMinPoints = 30;  // in space
+constexpr double kMinSpread = 0.02;     // metres; root mean square distance of the points from their middle
 constexpr double kScaleOfBundleMedian = 3.0;
-constexpr int kMostRounds = 10, kMostRoundsOfOutlines = 25;
-constexpr std::size_t kObservationsOfBin = 300, kMostBins = 12;  // of similar confidence
-constexpr double kLeastMedian = 0.05;                            // pixels of an image 1024 wide
+constexpr int kMaxRounds = 10, kMaxRoundsOfOutlines = 25;
+constexpr std::size_t kObservationsOfBin = 300, kMaxBins = 12;  // of similar confidence
+constexpr double kMinMedian = 0.05;                             // pixels of an image 1024 wide
 constexpr double kSettled = 0.05;                            // relative change of the kernel's scale in the last round
 constexpr double kSettledTurn = 1e-5, kSettledShift = 1e-5;  // radians and metres of a camera in the last round
-constexpr double kMostOfTangent = 4.0;                       // weight of a tangent's residual against that of a point
-constexpr double kSmallestThreshold = 25.0;                  // pixels of an image 1024 wide; inliers of a triangulation
+constexpr double kMaxTangentWeight = 4.0;                    // weight of a tangent's residual against that of a point
+constexpr double kMinThreshold = 25.0;                       // pixels of an image 1024 wide; inliers of a triangulation
 constexpr double kClippedDistance = 100.0;  // pixels of an image 1024 wide; as much as one distance adds to a mean
 constexpr double kSecondsOfBundleStretch = 0.5;
 
@@ -177,22 +177,22 @@ void weigh(Bundle& bundle, std::size_t points) {
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
     return bundle.observations[a].confidence < bundle.observations[b].confidence;
   });
-  const std::size_t bins = std::clamp<std::size_t>(order.size() / kObservationsOfBin, 1, kMostBins);
+  const std::size_t bins = std::clamp<std::size_t>(order.size() / kObservationsOfBin, 1, kMaxBins);
   std::vector<double> medians;
   for (std::size_t bin = 0; bin < bins; ++bin) {
     std::vector<double> of_bin;
     for (std::size_t i = bin * order.size() / bins; i < (bin + 1) * order.size() / bins; ++i)
       of_bin.push_back(errors[order[i]]);
-    medians.push_back(std::max(kLeastMedian, quantile(std::move(of_bin), 0.5)));
+    medians.push_back(std::max(kMinMedian, quantile(std::move(of_bin), 0.5)));
   }
   const double best = *std::min_element(medians.begin(), medians.end());
   for (std::size_t bin = 0; bin < bins; ++bin)
     for (std::size_t i = bin * order.size() / bins; i < (bin + 1) * order.size() / bins; ++i)
       bundle.observations[order[i]].scale = best / medians[bin];
   std::vector<double> of_tangents(errors.begin() + static_cast<std::ptrdiff_t>(points), errors.end());
-  const double median = std::max(kLeastMedian, quantile(std::move(of_tangents), 0.5));
+  const double median = std::max(kMinMedian, quantile(std::move(of_tangents), 0.5));
   for (std::size_t i = points; i < errors.size(); ++i)
-    bundle.observations[i].scale = std::min(kMostOfTangent, best / median);
+    bundle.observations[i].scale = std::min(kMaxTangentWeight, best / median);
 }
 
 /// The cameras that are tied to each other by points: the largest such set.
@@ -223,19 +223,20 @@ std::vector<long> observations_per_camera(const Bundle& bundle) {
 }
 
 void check_points(const Bundle& bundle) {
-  if (bundle.points.size() < kFewestPoints)
+  if (bundle.points.size() < kMinPoints)
     fail(
         "refining a rig: only {} points were seen by two cameras at the same time, {} are needed; give more frames, "
         "or check the offsets of the cameras",
-        bundle.points.size(), kFewestPoints);
+        bundle.points.size(), kMinPoints);
   Vector3d middle = Vector3d::Zero();
   const auto count = static_cast<double>(bundle.points.size());
   for (const Bundle::Point& point : bundle.points) middle += point.position / count;
   double spread = 0.0;
   for (const Bundle::Point& point : bundle.points) spread += (point.position - middle).squaredNorm() / count;
-  if (!(std::sqrt(spread) >= kSmallestSpread))
-    fail("refining a rig: all points lie within {:.3f} m of one place; points all over a person who moves are needed",
-         std::sqrt(spread));
+  if (!(std::sqrt(spread) >= kMinSpread))
+    fail(
+        "refining a rig: all points lie within {:.3f} m of one position; points all over a person who moves are needed",
+        std::sqrt(spread));
 }
 
 /// Whether no camera turned or moved, apart from a similarity of the world.
@@ -265,7 +266,7 @@ class Refinement {
     const std::vector<Camera> initial = cameras_;
     Bundle bundle = first_bundle();
     double kernel = next_kernel(bundle);
-    const int rounds = has_outlines_ ? kMostRoundsOfOutlines : kMostRounds;
+    const int rounds = has_outlines_ ? kMaxRoundsOfOutlines : kMaxRounds;
     for (int round = 0; round < rounds; ++round) {
       const std::vector<Camera> before = cameras_;
       bundle = adjusted(std::move(bundle), kernel);
@@ -290,7 +291,7 @@ class Refinement {
     const std::vector<long> counts = observations_per_camera(bundle);
     const std::vector<bool> tied = largest_set(bundle, counts);
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
-      if (counts[c] < kFewestObservations)
+      if (counts[c] < kMinObservations)
         reasons_[c] = fmt::format("it saw only {} points together with another camera", counts[c]);
       else if (!tied[c])
         reasons_[c] = "it shares no points with the other cameras";
@@ -298,7 +299,7 @@ class Refinement {
     }
     if (std::count(takes_part_.begin(), takes_part_.end(), true) < 2)
       fail("refining a rig: no two cameras saw the same {} points; check the offsets and the calibration",
-           kFewestObservations);
+           kMinObservations);
     bundle = make();
     check_points(bundle);
     num_points_ = bundle.observations.size();
@@ -308,7 +309,7 @@ class Refinement {
 
   /// The points and frontier points by the cameras of the last round.
   Bundle next_bundle(double kernel) {
-    const double threshold = std::max(kSmallestThreshold, 2.0 * kernel);
+    const double threshold = std::max(kMinThreshold, 2.0 * kernel);
     Bundle bundle = bundle_of(cameras_, takes_, takes_part_, threshold, options_.limbs);
     check_points(bundle);
     num_points_ = bundle.observations.size();

@@ -67,10 +67,10 @@ struct RigRefinement {
 /// nor its scale. The result is therefore moved, turned and scaled such that its camera centres lie closest to the old
 /// ones, and the cameras' turns are shared out. Lenses keep their distortion.
 ///
-/// The points bring the cameras near to their places. Outlines then take part by their frontier points, which are found
-/// anew in each round and join the bundle as points that two cameras see.
+/// The points bring the cameras near to their positions. Outlines then take part by their frontier points, which are
+/// found anew in each round and join the bundle as points that two cameras see.
 /// @param takes with the same points, recorded while no camera moved
-/// @throws Error as check_tracks for fewer than two cameras; when the points are too few, or all in one place;
+/// @throws Error as check_tracks for fewer than two cameras; when the points are too few, or all in one position;
 /// UsageError for impossible options
 RigRefinement refine_rig(const std::vector<Camera>& cameras, const std::vector<RigTake>& takes,
                          const RefineOptions& options = {});

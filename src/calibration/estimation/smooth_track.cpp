@@ -12,7 +12,7 @@ namespace {
 constexpr double kWidthsOfWindow = 3.0;
 constexpr double kWidthsToNeighbour = 2.0;
 constexpr long kMedianReach = 2;  // frames
-constexpr std::size_t kFewestOfMedian = 3;
+constexpr std::size_t kMinMedianSamples = 3;
 
 }  // namespace
 
@@ -70,7 +70,7 @@ void drop_jumps(CameraTrack& track, double limit) {
       }
       const Eigen::Vector2d middle(quantile(x, 0.5), quantile(y, 0.5));
       const bool jumps = (seen.at(frame, k).pixel - middle).cwiseAbs().maxCoeff() > limit;
-      if (x.size() < kFewestOfMedian || jumps) track.at(frame, k) = {};
+      if (x.size() < kMinMedianSamples || jumps) track.at(frame, k) = {};
     }
 }
 

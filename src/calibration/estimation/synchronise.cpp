@@ -15,10 +15,10 @@
 namespace doppel {
 namespace {
 
-constexpr double kLargestJump = 14.0;    // pixels of an image 1024 wide; drop_jumps
-constexpr double kShortestWidth = 0.03;  // seconds, of the smoothing
-constexpr double kGuardFrames = 4.0;     // around the best lag that belong to its minimum
-constexpr long kFewestOfOffset = 60;
+constexpr double kMaxJump = 14.0;     // pixels of an image 1024 wide; drop_jumps
+constexpr double kMinWidth = 0.03;    // seconds, of the smoothing
+constexpr double kGuardFrames = 4.0;  // around the best lag that belong to its minimum
+constexpr long kMinOffsetSamples = 60;
 constexpr double kScaleOfOffsetMedian = 3.0;
 constexpr int kRounds = 6;
 
@@ -43,8 +43,7 @@ double slowest_rate(const PointTracks& tracks) {
 PointTracks cleaned(const std::vector<Camera>& cameras, const PointTracks& tracks) {
   PointTracks clean = straight_tracks(cameras, tracks);
   drop_unusable(clean, 0.0);
-  for (std::size_t c = 0; c < cameras.size(); ++c)
-    drop_jumps(clean.cameras[c], kLargestJump * cameras[c].width / 1024.0);
+  for (std::size_t c = 0; c < cameras.size(); ++c) drop_jumps(clean.cameras[c], kMaxJump * cameras[c].width / 1024.0);
   return clean;
 }
 
@@ -140,7 +139,7 @@ void refine(const std::vector<Camera>& cameras, const PointTracks& clean, double
       timing.fps_sigma = track.fps * std::sqrt(std::max(0.0, of_rate));
     }
     timing.sigma = track.fps * std::sqrt(std::max(0.0, variance));
-    if (samples[c] < kFewestOfOffset || !std::isfinite(timing.sigma) || timing.sigma == 0.0)
+    if (samples[c] < kMinOffsetSamples || !std::isfinite(timing.sigma) || timing.sigma == 0.0)
       timing.sigma = std::numeric_limits<double>::infinity();
   }
 }
@@ -171,7 +170,7 @@ Synchronisation synchronise(const std::vector<Camera>& cameras, const PointTrack
   check_options(tracks, options);
   check_outlines(cameras, outlines, "synchronising");
   PointTracks clean = cleaned(cameras, tracks);
-  const double slowest = slowest_rate(tracks), width = std::max(kShortestWidth, 1.0 / slowest);
+  const double slowest = slowest_rate(tracks), width = std::max(kMinWidth, 1.0 / slowest);
   const std::vector<FoundLag> lags = whole_lags(cameras, clean, width, options);
   Synchronisation result;
   result.reference = options.reference;

@@ -19,12 +19,12 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kSmallestPerson = 0.9, kLargestPerson = 2.35, kUsualStature = 1.7;     // metres
+constexpr double kMinPerson = 0.9, kMaxPerson = 2.35, kUsualStature = 1.7;              // metres
 constexpr double kHeightOfAnkle = 0.047, kHeightOfHeel = 0.018, kHeightOfToes = 0.015;  // above the floor; of stature
 constexpr double kRaisedFoot = 0.03;  // of stature; above the other foot
 constexpr int kUprightSteps = 5;
-constexpr std::size_t kFewestTimes = 10;
-constexpr double kLeastUpright = 0.5;     // length of the median direction
+constexpr std::size_t kMinTimes = 10;
+constexpr double kMinUprightness = 0.5;   // length of the median direction
 constexpr double kHeightNoise = 0.012;    // of the lower foot; of stature
 constexpr double kDependentTimes = 10.0;  // whose errors are about the same
 constexpr double kLeaning = 0.1;          // radians; of the upright direction against up
@@ -56,7 +56,7 @@ class PersonInSpace {
     std::vector<double> values;
     for (std::size_t t = 0; t < times_; ++t)
       if (const double value = number(t); std::isfinite(value)) values.push_back(value);
-    return values.size() < kFewestTimes ? 0.0 : median(std::move(values));
+    return values.size() < kMinTimes ? 0.0 : median(std::move(values));
   }
 
  private:
@@ -99,7 +99,7 @@ Vector3d upright_direction(const PersonInSpace& person, const BodyPointIndices& 
         const Vector3d trunk = 0.5 * (person.middle(t, points.shoulders) + person.middle(t, points.hips));
         return (trunk - support(person, points, t, up, stature)).normalized()[axis];
       });
-    if (!(next.norm() >= kLeastUpright))
+    if (!(next.norm() >= kMinUprightness))
       fail(
           "finding the world: shoulders and ankles were not seen together, or the person does not stand upright; give "
           "a recording of a person who walks, seen from head to foot");
@@ -115,7 +115,7 @@ struct Floor {
   double spread;  ///< root mean square distance of the standing feet
 };
 
-/// The place on the floor below the lower foot of each time, as if `up` were up.
+/// The position on the floor below the lower foot of each time, as if `up` were up.
 std::vector<Vector3d> footprints(const PersonInSpace& person, const BodyPointIndices& points, const Vector3d& up,
                                  double stature) {
   std::vector<Vector3d> prints;
@@ -160,8 +160,8 @@ Floor floor_of(const PersonInSpace& person, const BodyPointIndices& points, cons
   std::vector<double> heights;
   std::vector<Vector3d> prints = footprints(person, points, upright, stature);
   for (const Vector3d& print : prints) heights.push_back(upright.dot(print));
-  if (heights.size() < kFewestTimes)
-    fail("finding the world: a foot was found at only {} times; {} are needed", heights.size(), kFewestTimes);
+  if (heights.size() < kMinTimes)
+    fail("finding the world: a foot was found at only {} times; {} are needed", heights.size(), kMinTimes);
   Floor floor{upright, median(std::move(heights)), 0.0};
   for (int step = 0; step < kFloorSteps; ++step) {
     prints = footprints(person, points, floor.up, stature);
@@ -203,12 +203,12 @@ WorldByPerson world_by_person(const std::vector<Camera>& cameras, const PointTra
   const double stature = stature_of(person, points);
   if (!(stature > 0.0))
     fail("finding the world: neither legs nor trunk of the person were found by two cameras at {} times or more",
-         kFewestTimes);
+         kMinTimes);
   const Floor floor = floor_of(person, points, upright_direction(person, points, stature), stature);
 
   WorldByPerson found;
   const double old_stature = stature / room.scale;
-  found.scaled = options.stature || old_stature < kSmallestPerson || old_stature > kLargestPerson;
+  found.scaled = options.stature || old_stature < kMinPerson || old_stature > kMaxPerson;
   found.stature = found.scaled ? options.stature.value_or(kUsualStature) : old_stature;
   const double metres = found.stature / stature;  // per unit of the room
   found.world.scale = room.scale * metres;

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kPlanSide = 640, kPlanMargin = 70;
 
-/// A projection of the world along one axis onto one half of the picture.
+/// A projection of the world along one axis onto one half of the image.
 class PlanView {
  public:
   PlanView(cv::Mat canvas, const std::vector<Camera>& cameras, int down_axis, double down_sign,
@@ -66,15 +66,15 @@ class PlanView {
 }  // namespace
 
 cv::Mat draw_camera_plan(const std::vector<Camera>& cameras) {
-  cv::Mat picture(kPlanSide, 2 * kPlanSide, CV_8UC3);
-  PlanView above(picture.colRange(0, kPlanSide), cameras, 2, 1.0, "from above: x right, z down");
-  PlanView side(picture.colRange(kPlanSide, 2 * kPlanSide), cameras, 1, -1.0, "from the side: x right, y up");
+  cv::Mat image(kPlanSide, 2 * kPlanSide, CV_8UC3);
+  PlanView above(image.colRange(0, kPlanSide), cameras, 2, 1.0, "from above: x right, z down");
+  PlanView side(image.colRange(kPlanSide, 2 * kPlanSide), cameras, 1, -1.0, "from the side: x right, y up");
   for (const Camera& camera : cameras) {
     above.draw(camera);
     side.draw(camera);
   }
-  cv::line(picture, {kPlanSide, 0}, {kPlanSide, kPlanSide}, cv::Scalar::all(120));
-  return picture;
+  cv::line(image, {kPlanSide, 0}, {kPlanSide, kPlanSide}, cv::Scalar::all(120));
+  return image;
 }
 
 }  // namespace doppel

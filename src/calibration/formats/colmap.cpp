@@ -453,11 +453,11 @@ std::vector<Camera> colmap_cameras_of_folders(const std::vector<Camera>& of_imag
   for (const Camera& camera : of_images) {
     const std::size_t slash = camera.name.rfind('/');
     if (slash == std::string::npos || slash == 0) return {};
-    const auto [place, is_new] = index.emplace(camera.name.substr(0, slash), cameras.size());
-    if (!is_new && !are_same_colmap_cameras(cameras[place->second], camera)) return {};
+    const auto [entry, is_new] = index.emplace(camera.name.substr(0, slash), cameras.size());
+    if (!is_new && !are_same_colmap_cameras(cameras[entry->second], camera)) return {};
     if (!is_new) continue;
     cameras.push_back(camera);
-    cameras.back().name = place->first;
+    cameras.back().name = entry->first;
   }
   return cameras;
 }

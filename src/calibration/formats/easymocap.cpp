@@ -132,9 +132,9 @@ class EasyMocapFile {
     if (colon == std::string_view::npos)
       refuse(number, fmt::format("expected \"key: value\", found \"{}\"", line.substr(0, 40)));
     const std::string key(easymocap_trimmed(line.substr(0, colon)));
-    const auto [place, is_new] = entries_.try_emplace(key, Entry{line.substr(colon + 1), number});
+    const auto [slot, is_new] = entries_.try_emplace(key, Entry{line.substr(colon + 1), number});
     if (!is_new) refuse(number, fmt::format("{} stands in this file twice", key));
-    return &place->second;
+    return &slot->second;
   }
 
   const Entry& entry(const std::string& key) const {

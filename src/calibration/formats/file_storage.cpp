@@ -16,8 +16,8 @@ namespace {
 
 using Kind = StorageValue::Kind;
 
-constexpr std::uintmax_t kMostStorageBytes = 64 << 20;
-constexpr int kMostStorageDepth = 100;
+constexpr std::uintmax_t kMaxStorageBytes = 64 << 20;
+constexpr int kMaxStorageDepth = 100;
 
 StorageValue storage_text(std::string text) {
   StorageValue value;
@@ -70,8 +70,8 @@ std::vector<StorageValue> storage_words(std::string_view text) {
 
 /// The items of a list are elements with the name `_`.
 StorageValue storage_of(const pugi::xml_node& node, int depth, const XmlFile& file) {
-  if (depth > kMostStorageDepth)
-    fail_at(file.where(node), "reading a camera calibration: elements are nested more than {} deep", kMostStorageDepth);
+  if (depth > kMaxStorageDepth)
+    fail_at(file.where(node), "reading a camera calibration: elements are nested more than {} deep", kMaxStorageDepth);
   StorageValue value;
   for (const pugi::xml_node& child : node.children()) {
     if (child.type() != pugi::node_element) continue;
@@ -131,7 +131,7 @@ std::vector<double> StorageValue::numbers(const std::string& what, const FileLoc
 
 StorageValue read_file_storage(const std::filesystem::path& path) {
   const FileLocation where{path.string(), 0};
-  std::string text = read_file(path, kMostStorageBytes);
+  std::string text = read_file(path, kMaxStorageBytes);
   const std::size_t begin = text.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
   StorageValue value;
   if (begin != std::string::npos && text[begin] == '<') {

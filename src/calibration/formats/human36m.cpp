@@ -16,7 +16,7 @@ struct Human36mSize {
   const char* camera;
   int width, height;
 };
-/// The four cameras of the data set; most files do not state the sizes of their images.
+/// The four cameras of the dataset; most files do not state the sizes of their images.
 constexpr Human36mSize kHuman36mSizes[] = {
     {"54138969", 1000, 1002}, {"55011271", 1000, 1000}, {"58860488", 1000, 1000}, {"60457274", 1000, 1002}};
 
@@ -104,9 +104,9 @@ class Human36mReader {
     std::vector<Human36mEntry> entries;
     std::size_t position = 0;
     for (const auto& [name, item] : human36m_items(intrinsics)) {
-      const std::string place = std::to_string(position++);
+      const std::string listed_number = std::to_string(position++);
       const auto pose = std::find_if(items.begin(), items.end(), [&, &own_name = name](const auto& other) {
-        return other.first == own_name || (poses.is_array() && other.first == place);
+        return other.first == own_name || (poses.is_array() && other.first == listed_number);
       });
       const bool posed = pose != items.end() && is_human36m_pose(*pose->second);
       entries.push_back({name, item, posed ? pose->second : nullptr});
@@ -199,7 +199,7 @@ class Human36mReader {
 ///   `focal_length`, `center`, `radial_distortion`, `tangential_distortion`, which is p2 p1, in this order.
 /// Cameras stand in an object by their names or in a list, both with or without one level of subjects above, or in
 /// `intrinsics` and `extrinsics` (camera-parameters.json). The rig stood differently for every subject.
-/// The data set's own projection halves the terms 2 p1 x y and 2 p2 x^2 of OpenCV, less than a pixel; this reader takes
+/// The dataset's own projection halves the terms 2 p1 x y and 2 p2 x^2 of OpenCV, less than a pixel; this reader takes
 /// OpenCV's model, as the programs do that undistort these images.
 class Human36mCalibration : public CalibrationFormat {
  public:

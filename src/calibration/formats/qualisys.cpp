@@ -183,8 +183,8 @@ class QualisysReader {
     marker_only_ -= found_.size();
   }
 
-  /// Takes the first reading with which all cameras look at one place and are not upside down. (With a translation,
-  /// cameras with y and z reversed stand opposite to their place, look at the same place, and are upside down.)
+  /// Takes the first reading with which all cameras look at one point and are not upside down. (With a translation,
+  /// cameras with y and z reversed stand opposite to their position, look at the same point, and are upside down.)
   void choose_poses() {
     using enum QualisysPose;
     const std::array<QualisysPose, 4> readings = found_.front().in_pixels
@@ -192,16 +192,16 @@ class QualisysReader {
                                                      : std::array{centre, translation_down, theia, translation};
     for (const QualisysPose reading : readings) {
       calibration_.cameras = qualisys_cameras(found_, reading);
-      if (!look_at_one_place(calibration_.cameras) || qualisys_upside_down(calibration_.cameras)) continue;
+      if (!look_at_one_point(calibration_.cameras) || qualisys_upside_down(calibration_.cameras)) continue;
       if (reading != QualisysPose::centre)
         calibration_.notes.emplace_back(
             "x y z was taken as the translation, as Theia writes it, not as the centre of the camera: only so all "
-            "cameras look at one place");
+            "cameras look at one point");
       return;
     }
     calibration_.cameras = qualisys_cameras(found_, readings.front());
     calibration_.notes.emplace_back(fmt::format(
-        "x y z was taken as the {} as {} writes it; whether the cameras look at one place could not confirm "
+        "x y z was taken as the {} as {} writes it; whether the cameras look at one point could not confirm "
         "this",
         readings.front() == QualisysPose::centre ? "centre of the camera," : "translation,",
         readings.front() == QualisysPose::centre ? "Qualisys" : "Theia"));
@@ -232,7 +232,7 @@ class QualisysReader {
 /// X_cam = R (X - C), with C = x y z in millimetres and R = diag(1, -1, -1) M, where row i of M is ri1 ri2 ri3; z is
 /// up. Focal lengths and centres of projection are in 1/64 pixel of the sensor, of which the video shows `fov_video`.
 /// The coefficients k1 k2 k3 and p1 p2 are plain: they are not divided by 64. Theia writes pixels, X_cam = M X + (x y
-/// z), and an M of axes x right, y down, z forward; whether all cameras look at one place tells the two apart.
+/// z), and an M of axes x right, y down, z forward; whether all cameras look at one point tells the two apart.
 class QualisysCalibration : public CalibrationFormat {
  public:
   std::string name() const override { return "qualisys"; }

@@ -21,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kHeadBytes = 16 << 10;
-constexpr double kLargestStudio = 30.0;                     // metres; cameras farther apart are in another unit
+constexpr double kMaxStudioSize = 30.0;                     // metres; cameras farther apart are in another unit
 constexpr double kMinUpLength = 0.5, kMinUpCosine = 0.866;  // of the mean direction that is up in the images
 
 CalibrationSource open_source(const fs::path& path) {
@@ -60,7 +60,7 @@ void settle_unit(Calibration& calibration, const std::string& wanted) {
     calibration.unit = wanted;
   } else {
     const double apart = wanted.empty() && calibration.has_scale ? extent(calibration.cameras) : 0.0;
-    const bool millimetres = apart > kLargestStudio;
+    const bool millimetres = apart > kMaxStudioSize;
     calibration.unit = !wanted.empty() ? wanted : millimetres ? "mm" : "m";
     scale = metres_per(calibration.unit);
     if (wanted.empty() && !calibration.has_scale)
@@ -76,9 +76,9 @@ void settle_unit(Calibration& calibration, const std::string& wanted) {
 /// Scaling may have made a position infinite, or so large that products with it are.
 void check_positions(const std::vector<Camera>& cameras, const FileLocation& where) {
   for (const Camera& camera : cameras)
-    if (!(camera.t.cwiseAbs().maxCoeff() <= kLongestMetres) || !camera.centre().allFinite())
+    if (!(camera.t.cwiseAbs().maxCoeff() <= kMaxMetres) || !camera.centre().allFinite())
       fail_at(where, "camera {} is {:.3g} m from the origin, allowed are {:g}; is the unit right?",
-              excerpt(camera.name), camera.t.norm(), kLongestMetres);
+              excerpt(camera.name), camera.t.norm(), kMaxMetres);
 }
 
 /// The axis nearest to the mean direction that is up in the images; "unknown" when none is near.
@@ -112,9 +112,9 @@ void settle_up(Calibration& calibration, const std::string& wanted) {
 
 /// Names become parts of paths of what is written for a camera, so none may lead out of a folder.
 bool is_safe_name(const std::string& name) {
-  constexpr std::size_t kLongestName = 200;  // of a file name's 255 bytes
+  constexpr std::size_t kMaxNameLength = 200;  // of a file name's 255 bytes
   const auto is_control = [](unsigned char c) { return c < 0x20 || c == 0x7f; };
-  if (name.empty() || name.size() > kLongestName || std::any_of(name.begin(), name.end(), is_control)) return false;
+  if (name.empty() || name.size() > kMaxNameLength || std::any_of(name.begin(), name.end(), is_control)) return false;
   std::string slashed = name;
   std::replace(slashed.begin(), slashed.end(), '\\', '/');
   const fs::path parts(slashed);

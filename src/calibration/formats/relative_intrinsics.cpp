@@ -5,13 +5,13 @@
 namespace doppel {
 namespace {
 
-constexpr double kLargestRelativeFocalLength = 64.0;
+constexpr double kMaxRelativeFocalLength = 64.0;
 constexpr double kCornerOrCentre = 0.25;  // K(0, 2) is near 0.5 from the corner and near 0 from the centre
 
 }  // namespace
 
 bool has_relative_intrinsics(const Camera& camera) {
-  return camera.width == 0 && camera.K(0, 0) < kLargestRelativeFocalLength;
+  return camera.width == 0 && camera.K(0, 0) < kMaxRelativeFocalLength;
 }
 
 Camera with_image_size(Camera camera, int width, int height) {

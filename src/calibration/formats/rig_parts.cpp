@@ -60,7 +60,7 @@ std::optional<CommonView> common_view(const std::vector<Camera>& cameras) {
   return view;
 }
 
-bool look_at_one_place(const std::vector<Camera>& cameras) {
+bool look_at_one_point(const std::vector<Camera>& cameras) {
   const auto view = common_view(cameras);
   return view && view->holds();
 }

@@ -17,7 +17,7 @@ constexpr const char* kTomlCameraKeys[] = {"matrix", "distortions", "rotation", 
 // A square of a calibration board is about 1 to 50 cm wide. Within these bounds the number itself tells its unit.
 constexpr double kTomlMinSquare = 0.01, kTomlMaxSquare = 0.5;
 
-/// The place behind the string that begins at `begin`. The end of a string that is not closed does not matter: the
+/// The position behind the string that begins at `begin`. The end of a string that is not closed does not matter: the
 /// parser refuses it.
 std::size_t toml_end_of_string(std::string_view text, std::size_t begin) {
   const char quote = text[begin];
@@ -39,8 +39,8 @@ bool toml_header_has_key(std::string_view text, std::size_t begin) {
   return byte < 0x80 && (std::isalnum(byte) != 0 || std::string_view("_-\"\']").find(text[key]) != text.npos);
 }
 
-/// The place of the first bracket that is not closed by its like, of the first table header without a key, and of the
-/// first letter outside of strings that TOML does not allow; otherwise the size of the text. toml++ 3.3 ends the
+/// The position of the first bracket that is not closed by its like, of the first table header without a key, and of
+/// the first letter outside of strings that TOML does not allow; otherwise the size of the text. toml++ 3.3 ends the
 /// program for some of these when its assertions are on.
 std::size_t toml_fault(std::string_view text) {
   std::string open;

@@ -303,7 +303,7 @@ class TransformsReader {
   }
 
   /// Whether the third column of the matrices points forward, against the rule of the format: then the cameras look
-  /// away from the place that their axes have in common, and they are upside down in a world with z up.
+  /// away from the position that their axes have in common, and they are upside down in a world with z up.
   bool has_forward_axes() const {
     constexpr double kUpright = 0.3, kSpread = 0.5;
     const std::optional<CommonView> view = common_view(cameras_);

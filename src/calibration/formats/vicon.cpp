@@ -120,16 +120,16 @@ class ViconReader {
 
   void choose_rotations() {
     calibration_.cameras = vicon_cameras(found_, false);
-    if (look_at_one_place(calibration_.cameras)) return;
+    if (look_at_one_point(calibration_.cameras)) return;
     const std::vector<Camera> transposed = vicon_cameras(found_, true);
-    if (look_at_one_place(transposed)) {
+    if (look_at_one_point(transposed)) {
       calibration_.cameras = transposed;
       calibration_.notes.emplace_back(
-          "ORIENTATION was taken as the rotation from the camera to the world: only so all cameras look at one place");
+          "ORIENTATION was taken as the rotation from the camera to the world: only so all cameras look at one point");
       return;
     }
     calibration_.notes.emplace_back(
-        "ORIENTATION was taken as the rotation from the world to the camera; whether the cameras look at one place "
+        "ORIENTATION was taken as the rotation from the world to the camera; whether the cameras look at one point "
         "could not confirm this");
   }
 
@@ -159,7 +159,7 @@ class ViconReader {
 ///
 /// X_cam = R (X - C), with C = POSITION in millimetres and R the matrix of ORIENTATION = x y z w (real part last); axes
 /// x right, y down, z forward; z of the world is up. Pose2Sim takes the transpose of R: it is taken where only that
-/// makes all cameras look at one place. FOCAL_LENGTH and PRINCIPAL_POINT are pixels; the centre of the first pixel is
+/// makes all cameras look at one point. FOCAL_LENGTH and PRINCIPAL_POINT are pixels; the centre of the first pixel is
 /// not documented and taken as (0.5, 0.5). VICON_RADIAL and VICON_RADIAL2 are terms of radii in pixels, most likely
 /// from the image with distortion to the one without; they are no coefficients of OpenCV and are left out.
 class ViconCalibration : public CalibrationFormat {

@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::uintmax_t kLargestFile = std::uintmax_t{256} << 20;
+constexpr std::uintmax_t kMaxFileBytes = std::uintmax_t{256} << 20;
 
 /// The last sentence of every message about a file that cannot be fetched.
 std::string by_hand(const Package& package, const fs::path& folder) {
@@ -94,7 +94,7 @@ fs::path find_package_file(const Package& package, const PackageFile& file, cons
 }
 
 std::string sha256_of(const fs::path& path) {
-  const std::string bytes = read_file(path, kLargestFile);
+  const std::string bytes = read_file(path, kMaxFileBytes);
   unsigned char digest[EVP_MAX_MD_SIZE];
   unsigned int size = 0;
   if (EVP_Digest(bytes.data(), bytes.size(), digest, &size, EVP_sha256(), nullptr) != 1)

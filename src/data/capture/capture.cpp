@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr int kSchemaVersion = 1;
-constexpr int kMostPeople = 1000;
+constexpr int kMaxPeople = 1000;
 constexpr long kMaxFrame = 100'000'000;  // 46 days at 25 frames per second: larger numbers are mistakes
 
 /// Names become keys of the store and parts of file names.
@@ -131,7 +131,7 @@ PersonChoiceOptions read_person(const ConfigReader& reader) {
   PersonChoiceOptions person;
   if (!reader.has("person")) return person;
   if (!reader.has_section("person")) {
-    person.person = reader.get<int>("person", between(0, kMostPeople));
+    person.person = reader.get<int>("person", between(0, kMaxPeople));
     return person;
   }
   const ConfigReader section = reader.section("person");
@@ -293,7 +293,7 @@ Split parse_split(const std::string& word) {
   return static_cast<Split>(found - split_words().begin());
 }
 
-std::string to_string(Split split) { return split_words()[split]; }
+std::string to_string(Split split) { return split_words()[static_cast<int>(split)]; }
 
 void SequenceEntry::require_masks(const std::string& command) const {
   if (has_masks()) return;

@@ -31,10 +31,10 @@ CaptureCameras choose_cameras(const Capture& capture);
 /// is a multiple of 16 in the calibration and less than 16 pixels shorter in the images (1088 and 1080).
 bool is_without_padding(const Camera& camera, cv::Size images);
 
-/// The camera for its images. Without padding (`is_without_padding`) pixels keep their places, because encoders pad on
-/// the right and below. Otherwise the camera is scaled to the resolution of the images, or gets that resolution if it
-/// has none. Logs a line when this resolution differs from the calibration, as a warning when the aspect ratio differs
-/// too.
+/// The camera for its images. Without padding (`is_without_padding`) pixels keep their positions, because encoders pad
+/// on the right and below. Otherwise the camera is scaled to the resolution of the images, or gets that resolution if
+/// it has none. Logs a line when this resolution differs from the calibration, as a warning when the aspect ratio
+/// differs too.
 /// @param source path of the images, for messages
 /// @throws Error when the aspect ratios differ by more than kMaxStretch
 Camera fit_to_images(const Camera& camera, cv::Size images, const std::string& source);

@@ -20,7 +20,7 @@ namespace doppel {
 namespace {
 
 constexpr char kDefaultMap[] = "body25", kNamesMap[] = "names";
-constexpr float kLargestShare = 1.5f;  ///< pixels: all coordinates of a body in pixels exceed this
+constexpr float kMaxShare = 1.5f;  ///< pixels: all coordinates of a body in pixels exceed this
 
 /// The built-in layout that has exactly these points, in any order. Nothing: the names are those of landmarks.
 std::optional<std::string> layout_with_points(const std::vector<std::string>& points) {
@@ -84,7 +84,7 @@ void check_pixels(const std::vector<std::vector<Keypoint>>& frames) {
   float largest = 0.0f;
   for (const auto& landmarks : frames)
     for (const Keypoint& point : landmarks) largest = std::max({largest, std::abs(point.x), std::abs(point.y)});
-  if (largest > 0.0f && largest <= kLargestShare)
+  if (largest > 0.0f && largest <= kMaxShare)
     fail(
         "no keypoint lies more than {} from the image's corner: these are parts of the image's size, pixels are "
         "needed (OpenPose: without --keypoint_scale)",

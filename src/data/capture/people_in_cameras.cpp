@@ -14,7 +14,7 @@ namespace doppel {
 namespace {
 
 constexpr long kRowsOfVote = 8;
-constexpr double kLargestStep = 0.05;  ///< of a point from frame to frame, share of the image's height
+constexpr double kMaxStep = 0.05;  ///< of a point from frame to frame, share of the image's height
 
 using ChosenFrames = std::map<long, int>;  ///< index of the person by video frame
 
@@ -125,7 +125,7 @@ class Follower {
     if (index == chosen.end() || index->second < 0) return -1;
     const People before = seen_.people[c](known).value_or(People());
     return nearest_to(before.at(as_size(index->second)), seen_.people[c](frame).value_or(People()),
-                      kLargestStep * seen_.cameras[c].height);
+                      kMaxStep * seen_.cameras[c].height);
   }
 
   const PeopleInCameras& seen_;

@@ -144,9 +144,9 @@ LabelLegend LabelLegend::read(const fs::path& path) {
   const auto& names = label_names();
   for (std::size_t label = 0; label < names.size(); ++label) {
     if (!root.has(names[label])) continue;
-    const auto [place, fresh] = legend.label_of_.emplace(read_colour(root, names[label]), static_cast<int>(label));
+    const auto [slot, fresh] = legend.label_of_.emplace(read_colour(root, names[label]), static_cast<int>(label));
     if (!fresh)
-      root.fail_at_key(names[label], "has the same colour as '{}'; every label needs its own", names[place->second]);
+      root.fail_at_key(names[label], "has the same colour as '{}'; every label needs its own", names[slot->second]);
   }
   root.finish();
   if (legend.label_of_.empty())

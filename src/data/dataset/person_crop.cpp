@@ -12,7 +12,7 @@ namespace doppel {
 namespace {
 
 constexpr double kMaskReach = 0.1, kJitter = 0.05, kColourRange = 0.2, kHueRange = 0.05;
-constexpr int kFewestPoints = 4;
+constexpr int kMinPoints = 4;
 constexpr double kCoarse = 1.5;  ///< source pixels per pixel; above this, images are downsampled by averaging first
 constexpr double kLuma[3]{0.299, 0.587, 0.114};
 
@@ -85,7 +85,7 @@ PersonWindow person_window(const std::vector<Keypoint>& keypoints, const cv::Rec
     top = std::min<double>(top, point.y);
     bottom = std::max<double>(bottom, point.y);
   }
-  if (found >= kFewestPoints) box = cv::Rect2d(left, top, right - left, bottom - top);
+  if (found >= kMinPoints) box = cv::Rect2d(left, top, right - left, bottom - top);
   const double longer = std::max(box.width, box.height);
   if (!(longer > 0.0)) return {};
   const double side = (1.0 + 2.0 * kPersonMargin) * longer;

@@ -17,16 +17,16 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kSmallestPerson = 0.6, kLargestPerson = 3.0;       ///< metres; beyond, the unit is wrong
-constexpr double kSmallestUsual = 0.9, kLargestUsual = 2.35;        ///< beyond, the unit is doubtful
-constexpr double kLying = 55.0, kUpsideDownAngle = 125.0;           ///< degrees between the trunk and up
-constexpr double kCamerasAgree = 35.0;                              ///< degrees between the trunk and the cameras' up
-constexpr double kFewestInView = 0.7, kFewestInViewWarning = 0.95;  ///< share of the body's points in the image
-constexpr double kDetectedFault = 0.5, kDetectedWarning = 0.85;     ///< share of the instants
+constexpr double kMinPerson = 0.6, kMaxPerson = 3.0;             ///< metres; beyond, the unit is wrong
+constexpr double kMinUsualSize = 0.9, kMaxUsualSize = 2.35;      ///< beyond, the unit is doubtful
+constexpr double kLying = 55.0, kUpsideDownAngle = 125.0;        ///< degrees between the trunk and up
+constexpr double kCamerasAgree = 35.0;                           ///< degrees between the trunk and the cameras' up
+constexpr double kMinInView = 0.7, kMinInViewWarning = 0.95;     ///< share of the body's points in the image
+constexpr double kDetectedFault = 0.5, kDetectedWarning = 0.85;  ///< share of the instants
 constexpr double kFlipFault = 0.4,
                  kFlipWarning = 0.12;   ///< share of the instants in which left and right are exchanged
 constexpr double kClearlyBetter = 0.6;  ///< ratio of the residuals with sides as named and exchanged
-constexpr double kWidestGap = 200.0;    ///< degrees without a camera
+constexpr double kMaxGap = 200.0;       ///< degrees without a camera
 
 class BodyMeasurer {
  public:
@@ -127,8 +127,8 @@ std::string unit_hint(double stature) {
 }
 
 void examine_size(double stature, bool other_unit_found, std::vector<Finding>& findings) {
-  if (stature <= 0.0 || other_unit_found || (stature > kSmallestUsual && stature < kLargestUsual)) return;
-  const bool sure = stature < kSmallestPerson || stature > kLargestPerson;
+  if (stature <= 0.0 || other_unit_found || (stature > kMinUsualSize && stature < kMaxUsualSize)) return;
+  const bool sure = stature < kMinPerson || stature > kMaxPerson;
   add_finding(
       findings, "", faults::kWrongUnit, sure ? Severity::fault : Severity::warning,
       fmt::format("the person is {:.3g} m tall", stature),
@@ -232,9 +232,9 @@ void examine_view(const Sightings& seen, const RigExamination& rig, const std::v
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const CameraCoverage& coverage = cameras[c];
     if (rig.faulty[c]) continue;
-    const bool out = coverage.inside < kFewestInViewWarning, unseen = coverage.detected < kDetectedWarning;
+    const bool out = coverage.inside < kMinInViewWarning, unseen = coverage.detected < kDetectedWarning;
     if (!out && !unseen) continue;
-    const bool fault = coverage.inside < kFewestInView || coverage.detected < kDetectedFault;
+    const bool fault = coverage.inside < kMinInView || coverage.detected < kDetectedFault;
     add_finding(
         findings, seen.cameras[c].name, faults::kOutOfView, fault ? Severity::fault : Severity::warning,
         fmt::format("{:.0f} % of the body lies within its image, and it shows somebody in {:.0f} % of the frames",
@@ -283,7 +283,7 @@ BodyExamination examine_body(const Sightings& seen, const RigExamination& rig, s
   for (int c = 0; c < seen.num_cameras(); ++c) found.cameras.push_back(coverage_of(seen, rig, c, middle));
   examine_view(seen, rig, found.cameras, findings);
   found.largest_gap = largest_gap(found.cameras);
-  if (found.largest_gap > kWidestGap && seen.num_cameras() > 2)
+  if (found.largest_gap > kMaxGap && seen.num_cameras() > 2)
     add_finding(findings, "", faults::kFewCameras, Severity::note,
                 fmt::format("no camera stands in {:.0f} degrees around the person", found.largest_gap),
                 "The side that no camera sees will be guessed. Set a camera there if it matters.");

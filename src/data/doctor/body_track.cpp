@@ -16,10 +16,10 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kInlierShare = 0.06;    ///< of the person's size: a view that agrees with a point
-constexpr double kSmallestAngle = 0.05;  ///< radians between the rays of a point
-constexpr int kMostPairs = 8;
-constexpr int kFewestPoints = 3;  ///< in common, to judge a detection
+constexpr double kInlierShare = 0.06;  ///< of the person's size: a view that agrees with a point
+constexpr double kMinAngle = 0.05;     ///< radians between the rays of a point
+constexpr int kMaxPairs = 8;
+constexpr int kMinPoints = 3;  ///< in common, to judge a detection
 constexpr double kNearestDepth = 1e-6;
 constexpr int kUncertaintyStride = 4;  ///< instants
 
@@ -60,10 +60,10 @@ ChosenInstants instants_of(const Sightings& seen, const std::vector<int>& window
   const double step = most > 0 && total > most ? static_cast<double>(total) / most : 1.0;
   ChosenInstants chosen;
   double next = 0.0;
-  int place = 0;
+  int number = 0;
   for (const int window : windows)
     for (const int instant : seen.windows[window])
-      if (place++ >= next) {
+      if (number++ >= next) {
         chosen.instants.push_back(instant);
         chosen.window.push_back(window);
         next += step;
@@ -92,7 +92,7 @@ double ViewResiduals::mean_of_windows(std::size_t windows) const {
     sum += value < 0.0 ? 0.0 : value;
     count += value >= 0.0;
   }
-  return count == 0 ? kLargestShare : sum / count;
+  return count == 0 ? kMaxShare : sum / count;
 }
 
 namespace {
@@ -134,14 +134,13 @@ ViewResiduals residuals_of(const Sightings& seen, int camera, const SupposedView
     double best = std::numeric_limits<double>::infinity();
     const SeenPerson* nearest = nullptr;
     const auto share_of = [&](const SeenPerson& person, std::size_t k) {
-      return points[k].in_front ? std::min(kLargestShare, (person[k].pixel - points[k].pixel).norm() / size)
-                                : kLargestShare;
+      return points[k].in_front ? std::min(kMaxShare, (person[k].pixel - points[k].pixel).norm() / size) : kMaxShare;
     };
     for (const SeenPerson& person : people) {
       std::vector<double> shares;
       for (std::size_t k = 0; k < points.size(); ++k)
         if (person[k].seen && points[k].known) shares.push_back(share_of(person, k));
-      if (static_cast<int>(shares.size()) < kFewestPoints) continue;
+      if (static_cast<int>(shares.size()) < kMinPoints) continue;
       if (const double middle = median(shares); middle < best) {
         best = middle;
         nearest = &person;
@@ -229,8 +228,8 @@ std::optional<double> SightTable::uncertainty(const std::vector<int>& cameras, i
 BodyTrack SightTable::triangulate(const std::vector<int>& cameras, const ChosenInstants& chosen) const {
   TriangulationOptions options;
   options.inlier_threshold = kInlierShare;
-  options.smallest_angle = kSmallestAngle;
-  options.most_pairs = kMostPairs;
+  options.smallest_angle = kMinAngle;
+  options.most_pairs = kMaxPairs;
   options.refinement_steps = 2;
   BodyTrack body(seen_.num_instants(), seen_.num_points());
   std::vector<Sight> sights;

@@ -55,18 +55,18 @@ ChosenInstants instants_of(const Sightings& seen, const std::vector<int>& window
 ChosenInstants all_instants(const Sightings& seen, int most = 0);
 
 /// Distances of a camera's points from the projected body, as shares of the person's size in this camera (the
-/// detection nearest to the body, where there are several). Shares are at most kLargestShare.
+/// detection nearest to the body, where there are several). Shares are at most kMaxShare.
 struct ViewResiduals {
   std::vector<double> shares;           ///< of all points
   std::vector<int> window;              ///< of each
   std::vector<int> instant, point;      ///< of each
   std::vector<Eigen::Vector2d> offset;  ///< of each: seen minus projected, pixels
 
-  /// The median in each window, and their mean; -1 and kLargestShare without any point.
+  /// The median in each window, and their mean; -1 and kMaxShare without any point.
   std::vector<double> by_window(std::size_t windows) const;
   double mean_of_windows(std::size_t windows) const;
 };
-inline constexpr double kLargestShare = 1.5;
+inline constexpr double kMaxShare = 1.5;
 
 /// @param camera whose detections are taken @param view how they are explained
 ViewResiduals residuals_of(const Sightings& seen, int camera, const SupposedView& view, const BodyTrack& body,

@@ -13,14 +13,14 @@ namespace doppel {
 
 namespace {
 
-constexpr int kProposalInstants = 40;    ///< looked at for each group of cameras
-constexpr std::size_t kMostGroups = 84;  ///< all triples of nine cameras
-constexpr int kQuickInstants = 24;       ///< where only the quality is wanted
+constexpr int kProposalInstants = 40;   ///< looked at for each group of cameras
+constexpr std::size_t kMaxGroups = 84;  ///< all triples of nine cameras
+constexpr int kQuickInstants = 24;      ///< where only the quality is wanted
 constexpr std::size_t kQuickGroups = 28;
-constexpr double kMemberRatio = 2.0;       ///< of the noise, up to which a camera may join
-constexpr double kSmallestNoise = 0.0015;  ///< share of the person's size; below, rounding and the lens dominate
-constexpr double kSmallestFactor = 0.1;
-constexpr double kFewestKnown = 0.5;  ///< share of the points that a group must triangulate
+constexpr double kMemberRatio = 2.0;  ///< of the noise, up to which a camera may join
+constexpr double kMinNoise = 0.0015;  ///< share of the person's size; below, rounding and the lens dominate
+constexpr double kMinFactor = 0.1;
+constexpr double kMinKnownShare = 0.5;  ///< share of the points that a group must triangulate
 
 double extent_of(const SeenPerson& person) {
   Eigen::AlignedBox2d box;
@@ -89,7 +89,7 @@ double known_share(const Sightings& seen, const PersonOfCamera& person, const st
 
 struct GroupResult {
   std::vector<int> group;
-  double quality = kLargestShare;
+  double quality = kMaxShare;
 };
 
 GroupResult best_group(const Sightings& seen, const std::vector<SupposedView>& views, const PersonOfCamera& person,
@@ -98,11 +98,11 @@ GroupResult best_group(const Sightings& seen, const std::vector<SupposedView>& v
   GroupResult best;
   for (const std::vector<int>& group : groups_of(seen.num_cameras(), most_groups)) {
     const BodyTrack body = sights.triangulate(group, chosen);
-    if (known_share(seen, person, group, body, chosen) < kFewestKnown) continue;
+    if (known_share(seen, person, group, body, chosen) < kMinKnownShare) continue;
     std::vector<double> residual;
     for (int c = 0; c < seen.num_cameras(); ++c) {
       const std::vector<double> shares = residuals_of(seen, c, views[c], body, chosen).shares;
-      residual.push_back(shares.empty() ? kLargestShare : median(shares));
+      residual.push_back(shares.empty() ? kMaxShare : median(shares));
     }
     std::sort(residual.begin(), residual.end());
     if (residual[needed - 1] < best.quality) best = {group, residual[needed - 1]};
@@ -115,7 +115,7 @@ GroupResult best_group(const Sightings& seen, const std::vector<SupposedView>& v
 double inside_factor(const SightTable& sights, const std::vector<int>& members, int camera, const BodyTrack& body) {
   const double uncertainty =
       sights.uncertainty(members, camera, body).value_or(1.5 / static_cast<double>(members.size()));
-  return std::sqrt(std::max(kSmallestFactor, 1.0 - uncertainty));
+  return std::sqrt(std::max(kMinFactor, 1.0 - uncertainty));
 }
 
 }  // namespace
@@ -134,7 +134,7 @@ void judge_cameras(const Sightings& seen, const std::vector<SupposedView>& views
   for (const int c : consensus.members)
     inside.push_back(residuals_of(seen, c, views[c], consensus.body, all).mean_of_windows(seen.windows.size()) /
                      inside_factor(sights, consensus.members, c, consensus.body));
-  consensus.noise = std::max(kSmallestNoise, median(inside));
+  consensus.noise = std::max(kMinNoise, median(inside));
   consensus.residual.clear();
   consensus.expected.clear();
   consensus.by_window.clear();
@@ -204,7 +204,7 @@ double consensus_quality(const Sightings& seen, const std::vector<SupposedView>&
 Consensus find_consensus(const Sightings& seen, const std::vector<SupposedView>& views, const PersonOfCamera& person) {
   Consensus consensus;
   const SightTable sights(seen, views, person, all_instants(seen));
-  const GroupResult best = best_group(seen, views, person, sights, all_instants(seen, kProposalInstants), kMostGroups);
+  const GroupResult best = best_group(seen, views, person, sights, all_instants(seen, kProposalInstants), kMaxGroups);
   consensus.quality = best.quality;
   if (best.group.empty() || best.quality > kAgreementShare) return consensus;
   consensus.found = true;

@@ -16,13 +16,13 @@ inline constexpr double kAgreementShare = 0.03;
 
 /// Cameras that agree on the body, and how far each camera is from what the others see.
 struct Consensus {
-  bool found = false;              ///< false: no cameras agree
-  std::vector<int> members;        ///< cameras that agree
-  BodyTrack body;                  ///< by the members
-  double noise = 0.0;              ///< of one view, as a share of the person's size: estimated from the members
-  double quality = kLargestShare;  ///< median share of the worst of the cameras that had to agree
-  std::vector<double> residual;    ///< [C] of a camera's points from the body of the other members; mean of windows
-  std::vector<double> expected;    ///< [C] what `noise` lets expect for it
+  bool found = false;            ///< false: no cameras agree
+  std::vector<int> members;      ///< cameras that agree
+  BodyTrack body;                ///< by the members
+  double noise = 0.0;            ///< of one view, as a share of the person's size: estimated from the members
+  double quality = kMaxShare;    ///< median share of the worst of the cameras that had to agree
+  std::vector<double> residual;  ///< [C] of a camera's points from the body of the other members; mean of windows
+  std::vector<double> expected;  ///< [C] what `noise` lets expect for it
   std::vector<std::vector<double>> by_window;  ///< [C][windows] the same by window; -1: no points
 };
 

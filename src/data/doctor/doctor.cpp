@@ -42,7 +42,7 @@ template <typename Measure>
 ordered_json typical_of(const Examination& examination, std::size_t camera, const Measure& measure) {
   std::vector<double> values;
   for (const SequenceFootage& sequence : examination.footage)
-    for (const PictureFacts& facts : sequence[camera].pictures)
+    for (const ImageFacts& facts : sequence[camera].images)
       if (const double value = measure(facts); std::isfinite(value)) values.push_back(value);
   return values.empty() ? ordered_json(nullptr) : ordered_json(median(values));
 }
@@ -64,13 +64,12 @@ ordered_json camera_json(const Examination& examination, std::size_t c) {
   }
   if (examination.footage.empty()) return json;
   const auto known = [](double value) { return value < 0.0 ? NAN : value; };
-  json["exposure_stops"] = typical_of(examination, c, [](const PictureFacts& f) { return f.exposure; });
-  json["red_stops"] = typical_of(examination, c, [](const PictureFacts& f) { return f.red; });
-  json["blue_stops"] = typical_of(examination, c, [](const PictureFacts& f) { return f.blue; });
-  json["edge_px"] = typical_of(examination, c, [&](const PictureFacts& f) { return known(f.edge_width); });
-  json["mask_area"] = typical_of(examination, c, [&](const PictureFacts& f) { return known(f.mask_area); });
-  json["keypoints_on_mask"] =
-      typical_of(examination, c, [&](const PictureFacts& f) { return known(f.points_on_mask); });
+  json["exposure_stops"] = typical_of(examination, c, [](const ImageFacts& f) { return f.exposure; });
+  json["red_stops"] = typical_of(examination, c, [](const ImageFacts& f) { return f.red; });
+  json["blue_stops"] = typical_of(examination, c, [](const ImageFacts& f) { return f.blue; });
+  json["edge_px"] = typical_of(examination, c, [&](const ImageFacts& f) { return known(f.edge_width); });
+  json["mask_area"] = typical_of(examination, c, [&](const ImageFacts& f) { return known(f.mask_area); });
+  json["keypoints_on_mask"] = typical_of(examination, c, [&](const ImageFacts& f) { return known(f.points_on_mask); });
   return json;
 }
 
@@ -88,7 +87,7 @@ Examination examine_capture(const Capture& capture, const DoctorOptions& options
     for (int c = 0; c < examination.seen.num_cameras(); ++c)
       examination.footage.back().push_back(examine_footage(capture, static_cast<int>(s), examination.seen, c, rig));
   }
-  examine_pictures(examination.seen, rig, examination.footage, examination.findings);
+  examine_images(examination.seen, rig, examination.footage, examination.findings);
   examine_masks(examination.seen, rig, examination.footage, examination.findings);
   examination.findings = sorted_findings(std::move(examination.findings), camera_names(examination.seen));
   return examination;

@@ -8,7 +8,7 @@
 #include "doppel/data/capture/capture.h"
 #include "doppel/data/doctor/body_examination.h"
 #include "doppel/data/doctor/finding.h"
-#include "doppel/data/doctor/picture_examination.h"
+#include "doppel/data/doctor/image_examination.h"
 #include "doppel/data/doctor/rig_examination.h"
 #include "doppel/data/doctor/sightings.h"
 
@@ -40,7 +40,7 @@ Examination examine_capture(const Capture& capture, const DoctorOptions& options
 /// findings_json, and `cameras` and `body` with what was measured.
 nlohmann::ordered_json to_json(const Examination& examination);
 
-/// The report as one HTML page: the verdict, the findings, a plan of the cameras, pictures with keypoints, masks and
+/// The report as one HTML page: the verdict, the findings, a plan of the cameras, images with keypoints, masks and
 /// the projected body, and curves.
 std::string doctor_page(const Examination& examination);
 

@@ -17,7 +17,7 @@ namespace doppel {
 
 namespace {
 
-constexpr int kPictureWidth = 420;
+constexpr int kImageWidth = 420;
 
 std::string figure_html(const cv::Mat& image, const std::string& caption) {
   std::vector<std::uint8_t> bytes;
@@ -81,7 +81,7 @@ std::string chart_of(const Examination& examination, std::size_t sequence, const
   std::vector<ChartSeries> series;
   for (std::size_t c = 0; c < examination.seen.cameras.size(); ++c) {
     ChartSeries curve{examination.seen.cameras[c].name, {}};
-    for (const PictureFacts& facts : examination.footage[sequence][c].pictures)
+    for (const ImageFacts& facts : examination.footage[sequence][c].images)
       if (const double value = measure(facts); std::isfinite(value))
         curve.points.emplace_back(static_cast<double>(facts.row), value);
     if (!curve.points.empty()) series.push_back(std::move(curve));
@@ -110,15 +110,15 @@ std::string charts_html(const Examination& examination) {
   for (std::size_t s = 0; s < examination.footage.size(); ++s) {
     const std::string of = examination.footage.size() > 1 ? ", " + examination.sequences[s] : "";
     charts +=
-        chart_of(examination, s, "Light on the person, stops" + of, [](const PictureFacts& f) { return f.exposure; });
+        chart_of(examination, s, "Light on the person, stops" + of, [](const ImageFacts& f) { return f.exposure; });
     charts += chart_of(examination, s, "Change from frame to frame, grey levels" + of,
-                       [&](const PictureFacts& f) { return known(f.change); });
+                       [&](const ImageFacts& f) { return known(f.change); });
     charts += chart_of(examination, s, "Width of the sharpest edges, pixels" + of,
-                       [&](const PictureFacts& f) { return known(f.edge_width); });
+                       [&](const ImageFacts& f) { return known(f.edge_width); });
     charts += chart_of(examination, s, "Area of the mask, % of the image" + of,
-                       [&](const PictureFacts& f) { return 100.0 * known(f.mask_area); });
+                       [&](const ImageFacts& f) { return 100.0 * known(f.mask_area); });
     charts += chart_of(examination, s, "Flicker of the mask, % of its area" + of,
-                       [&](const PictureFacts& f) { return 100.0 * known(f.flicker); });
+                       [&](const ImageFacts& f) { return 100.0 * known(f.flicker); });
   }
   return charts.empty() ? "" : "<h2>Curves</h2><div class=\"charts\">" + charts + "</div>";
 }
@@ -127,19 +127,19 @@ std::string charts_html(const Examination& examination) {
 /// (green).
 cv::Mat drawn_sample(const Examination& examination, const FootageExamination& footage, std::size_t c) {
   const Sightings& seen = examination.seen;
-  const double scale = static_cast<double>(kPictureWidth) / footage.sample.cols;
-  cv::Mat picture;
-  cv::resize(footage.sample, picture, {}, scale, scale, cv::INTER_AREA);
+  const double scale = static_cast<double>(kImageWidth) / footage.sample.cols;
+  cv::Mat image;
+  cv::resize(footage.sample, image, {}, scale, scale, cv::INTER_AREA);
   if (!footage.sample_mask.empty()) {
     cv::Mat mask;
-    cv::resize(footage.sample_mask, mask, picture.size(), 0, 0, cv::INTER_NEAREST);
+    cv::resize(footage.sample_mask, mask, image.size(), 0, 0, cv::INTER_NEAREST);
     std::vector<std::vector<cv::Point>> outlines;
     cv::findContours(mask, outlines, cv::RETR_LIST, cv::CHAIN_APPROX_SIMPLE);
-    cv::drawContours(picture, outlines, -1, {255, 120, 40}, 1, cv::LINE_AA);
+    cv::drawContours(image, outlines, -1, {255, 120, 40}, 1, cv::LINE_AA);
   }
   const auto mark = [&](const Eigen::Vector2d& pixel, const cv::Scalar& colour, int radius) {
     if (pixel.allFinite() && pixel.cwiseAbs().maxCoeff() < 1e5)
-      cv::circle(picture, {static_cast<int>(pixel.x() * scale), static_cast<int>(pixel.y() * scale)}, radius, colour,
+      cv::circle(image, {static_cast<int>(pixel.x() * scale), static_cast<int>(pixel.y() * scale)}, radius, colour,
                  radius > 2 ? 1 : cv::FILLED, cv::LINE_AA);
   };
   const auto instant = as_size(footage.sample_instant);
@@ -151,7 +151,7 @@ cv::Mat drawn_sample(const Examination& examination, const FootageExamination& f
   for (const SeenPerson& person : seen.people[c][instant])
     for (const SeenPoint& point : person)
       if (point.seen) mark(point.pixel, {0, 230, 255}, 2);
-  return picture;
+  return image;
 }
 
 std::string samples_html(const Examination& examination) {
@@ -166,7 +166,7 @@ std::string samples_html(const Examination& examination) {
                                   examination.seen.instants[footage.sample_instant].row));
     }
   if (figures.empty()) return "";
-  return "<h2>Pictures</h2><p>Yellow: keypoints. Green circles: the body that the cameras agree on, as this camera "
+  return "<h2>Images</h2><p>Yellow: keypoints. Green circles: the body that the cameras agree on, as this camera "
          "should "
          "see it. Blue: outline of the mask.</p><div class=\"charts\">" +
          figures + "</div>";

@@ -24,11 +24,11 @@ using Eigen::Vector2d;
 
 constexpr double kPricePerParameter = 0.04;  ///< log of the residual that a fitted number must save
 constexpr double kFloorOfChoice = 0.0015;    ///< shares below this do not differ
-constexpr int kLongestDelay = 60;            ///< rows
+constexpr int kMaxDelay = 60;                ///< rows
 constexpr int kFitInstants = 120;
-constexpr double kLargestDrift = 0.32;  ///< rows per row, in the search
-constexpr int kStepParameters = 4;      ///< that a step in each window is priced as
-constexpr double kLongestFactor = 2.5;  ///< of the focal length, in the search
+constexpr double kMaxDrift = 0.32;  ///< rows per row, in the search
+constexpr int kStepParameters = 4;  ///< that a step in each window is priced as
+constexpr double kMaxFactor = 2.5;  ///< of the focal length, in the search
 
 class Mistakes {
  public:
@@ -42,7 +42,7 @@ class Mistakes {
     resolutions();
     lenses();
     sides();
-    if (swaps) places();
+    if (swaps) positions();
     return std::move(all_);
   }
 
@@ -167,7 +167,7 @@ class Mistakes {
     swapped.view.sides_swapped = true;
   }
 
-  void places() {
+  void positions() {
     for (int other = 0; other < seen_.num_cameras(); ++other) {
       if (other == camera_) continue;
       const Camera& there = seen_.cameras[other];
@@ -215,7 +215,7 @@ class Fits {
   }
 
   void delay() {
-    const auto found = find_delay(seen_, camera_, nominal_, body_, chosen_, kLongestDelay);
+    const auto found = find_delay(seen_, camera_, nominal_, body_, chosen_, kMaxDelay);
     if (!found) return;
     SupposedView view = nominal_;
     view.delay = *found;
@@ -235,7 +235,7 @@ class Fits {
   void focal() {
     SupposedView best = nominal_;
     double least = std::numeric_limits<double>::infinity();
-    for (double factor = 1.0 / kLongestFactor; factor <= kLongestFactor; factor *= 1.1) {
+    for (double factor = 1.0 / kMaxFactor; factor <= kMaxFactor; factor *= 1.1) {
       SupposedView view = nominal_;
       view.camera.K.topLeftCorner<2, 2>() *= factor;
       if (const double value = residual(view); value < least) {
@@ -355,13 +355,13 @@ SupposedView growing_delay(const Sightings& seen, int camera, const SupposedView
       best = view;
     }
   };
-  for (double drift = -kLargestDrift; drift <= kLargestDrift; drift += kLargestDrift / 16.0) consider(0.0, drift);
+  for (double drift = -kMaxDrift; drift <= kMaxDrift; drift += kMaxDrift / 16.0) consider(0.0, drift);
   for (double step = 1.0; step > 0.1; step *= 0.5) {
     const SupposedView from = best;
     for (const double sign : {-1.0, 1.0}) {
       consider(from.delay + sign * step, from.drift);
-      consider(from.delay, from.drift + sign * step * kLargestDrift / 16.0);
-      consider(from.delay - sign * step, from.drift + sign * step * kLargestDrift / 16.0);
+      consider(from.delay, from.drift + sign * step * kMaxDrift / 16.0);
+      consider(from.delay - sign * step, from.drift + sign * step * kMaxDrift / 16.0);
     }
   }
   return best;
@@ -401,7 +401,7 @@ std::vector<Explanation> explain_by_time(const Sightings& seen, int camera, cons
   std::set<int> windows(chosen.window.begin(), chosen.window.end());
   for (const int window : windows) {
     const ChosenInstants part = instants_of(seen, {window});
-    const auto delay = find_delay(seen, camera, nominal, body, part, kLongestDelay / 2);
+    const auto delay = find_delay(seen, camera, nominal, body, part, kMaxDelay / 2);
     if (!delay) continue;
     steps.steps[window] = *delay;
     found.emplace_back(seen.instants[part.instants[part.instants.size() / 2]].row, *delay);

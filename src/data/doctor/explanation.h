@@ -19,8 +19,8 @@ struct Explanation {
 };
 
 /// Mistakes without free numbers: mirrored, turned, inverted, another unit, another resolution, no lens, another
-/// camera's place. `residual` is not set.
-/// @param swaps also the places and lenses of the other cameras
+/// camera's position. `residual` is not set.
+/// @param swaps also the positions and lenses of the other cameras
 std::vector<Explanation> usual_mistakes(const Sightings& seen, int camera, bool swaps);
 
 /// All explanations of one camera, with their residuals: the usual mistakes, and those with fitted numbers: a delay,

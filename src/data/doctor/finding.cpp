@@ -37,13 +37,13 @@ Verdict verdict_of(const std::vector<Finding>& findings) {
 }
 
 std::vector<Finding> sorted_findings(std::vector<Finding> findings, const std::vector<std::string>& cameras) {
-  const auto place = [&](const Finding& finding) {
+  const auto index_of = [&](const Finding& finding) {
     return std::find(cameras.begin(), cameras.end(), finding.camera) - cameras.begin();
   };
   std::stable_sort(findings.begin(), findings.end(), [&](const Finding& a, const Finding& b) {
     if (a.severity != b.severity) return a.severity > b.severity;
     if (a.camera.empty() != b.camera.empty()) return a.camera.empty();
-    return place(a) < place(b);
+    return index_of(a) < index_of(b);
   });
   std::vector<Finding> kept;
   for (Finding& finding : findings) {

@@ -19,12 +19,11 @@ inline constexpr char kMirrored[] = "mirrored", kUpsideDown[] = "upside_down", k
                       kDisagrees[] = "disagrees";
 // The body in space.
 inline constexpr char kWrongUp[] = "wrong_up", kOutOfView[] = "out_of_view";
-// Files, pictures and masks.
+// Files, images and masks.
 inline constexpr char kUnreadable[] = "unreadable", kNoKeypoints[] = "no_keypoints", kFrameDrops[] = "frame_drops",
                       kExposure[] = "exposure", kWhiteBalance[] = "white_balance", kBlur[] = "blur",
-                      kWrongPictures[] = "wrong_pictures", kWrongMasks[] = "wrong_masks",
-                      kMaskFlicker[] = "mask_flicker", kMaskHoles[] = "mask_holes", kMaskBorder[] = "mask_border",
-                      kFewCameras[] = "few_cameras";
+                      kWrongImages[] = "wrong_pictures", kWrongMasks[] = "wrong_masks", kMaskFlicker[] = "mask_flicker",
+                      kMaskHoles[] = "mask_holes", kMaskBorder[] = "mask_border", kFewCameras[] = "few_cameras";
 }  // namespace faults
 
 /// How much a finding matters.

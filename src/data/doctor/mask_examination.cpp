@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "doppel/core/as_size.h"
-#include "doppel/data/doctor/picture_examination.h"
+#include "doppel/data/doctor/image_examination.h"
 #include "doppel/data/doctor/statistics.h"
 
 namespace doppel {
@@ -22,7 +22,7 @@ constexpr double kMaskSpread = 4.0;
 constexpr double kFlickerShare = 0.04;                          ///< of the mask's area: more is flicker
 constexpr double kFlickerTimes = 3.0;                           ///< of what the other cameras have in the same frames
 constexpr double kFlickerWarning = 0.04, kFlickerFault = 0.12;  ///< share of the frames
-constexpr int kFewestFlickers = 4;                              ///< of a fault; fewer may be one incident
+constexpr int kMinFlickers = 4;                                 ///< of a fault; fewer may be one incident
 constexpr double kBonesWarning = 0.9, kBonesFault = 0.8;        ///< share of the bones' length on the mask
 constexpr double kBorderWarning = 0.1;                          ///< share of the frames
 constexpr double kEmptyWarning = 0.03, kEmptyFault = 0.2;
@@ -43,7 +43,7 @@ class MaskJudge {
       if (!footage_[c].mask_error.empty())
         add(c, faults::kUnreadable, Severity::fault, "its masks cannot be read",
             footage_[c].mask_error + ". Make the masks again, or correct `masks` in capture.yaml.");
-      if (share(c, [](const PictureFacts& f) { return f.mask_area >= 0.0; }) == 0.0) continue;
+      if (share(c, [](const ImageFacts& f) { return f.mask_area >= 0.0; }) == 0.0) continue;
       if (wrong(c)) continue;
       margins(c);
       flicker(c);
@@ -60,7 +60,7 @@ class MaskJudge {
   template <typename Test>
   double share(std::size_t c, const Test& test) const {
     int yes = 0, all = 0;
-    for (const PictureFacts& facts : footage_[c].pictures) {
+    for (const ImageFacts& facts : footage_[c].images) {
       all += facts.mask_area >= 0.0;
       yes += facts.mask_area >= 0.0 && test(facts);
     }
@@ -73,7 +73,7 @@ class MaskJudge {
     std::vector<double> result;
     for (const FootageExamination& camera : footage_) {
       std::vector<double> values;
-      for (const PictureFacts& facts : camera.pictures)
+      for (const ImageFacts& facts : camera.images)
         if (const double value = measure(facts); value >= 0.0) values.push_back(value);
       result.push_back(values.empty() ? kNoValue : median(values));
     }
@@ -82,8 +82,8 @@ class MaskJudge {
 
   /// Empty, full or elsewhere. Where keypoints and projected body disagree, one of them is on a right mask.
   bool wrong(std::size_t c) {
-    const double empty = share(c, [](const PictureFacts& f) { return f.mask_area < kEmptyArea; });
-    const double full = share(c, [](const PictureFacts& f) { return f.mask_area > kFullArea; });
+    const double empty = share(c, [](const ImageFacts& f) { return f.mask_area < kEmptyArea; });
+    const double full = share(c, [](const ImageFacts& f) { return f.mask_area > kFullArea; });
     const char* advice =
         "Make the masks of this camera again: they may be those of another camera, of other frames or of another size, "
         "or "
@@ -101,8 +101,8 @@ class MaskJudge {
           advice);
       return true;
     }
-    const std::vector<double> points = usual_measure([](const PictureFacts&f) { return f.points_on_mask; }),
-                              body = usual_measure([](const PictureFacts&f) { return f.body_on_mask; });
+    const std::vector<double> points = usual_measure([](const ImageFacts&f) { return f.points_on_mask; }),
+                              body = usual_measure([](const ImageFacts&f) { return f.body_on_mask; });
     const double on = std::max(std::isfinite(points[c]) ? points[c] : -1.0, std::isfinite(body[c]) ? body[c] : -1.0);
     if (on < 0.0 || on >= kOnMaskWarning) return false;
     const AgainstOthers against = against_others(std::isfinite(points[c]) ? points : body, c);
@@ -114,7 +114,7 @@ class MaskJudge {
 
   bool person_is_there(std::size_t c) const {
     int there = 0, all = 0;
-    for (const PictureFacts& facts : footage_[c].pictures) {
+    for (const ImageFacts& facts : footage_[c].images) {
       all += facts.mask_area >= 0.0 && facts.mask_area < kEmptyArea;
       there += facts.mask_area >= 0.0 && facts.mask_area < kEmptyArea &&
                (facts.points_on_mask >= 0.0 || facts.body_on_mask >= 0.0);
@@ -131,7 +131,7 @@ class MaskJudge {
       std::vector<double> values;
       for (const FootageExamination& camera : footage_) {
         std::vector<double> of;
-        for (const PictureFacts& facts : camera.pictures)
+        for (const ImageFacts& facts : camera.images)
           if (facts.has_margins) of.push_back(facts.margins[s]);
         values.push_back(of.size() < 3 ? kNoValue : median(of));
       }
@@ -155,14 +155,14 @@ class MaskJudge {
   void flicker(std::size_t c) {
     int flickers = 0, all = 0;
     std::vector<double> values;
-    for (const PictureFacts& facts : footage_[c].pictures) {
+    for (const ImageFacts& facts : footage_[c].images) {
       if (facts.flicker < 0.0) continue;
       ++all;
       values.push_back(facts.flicker);
       flickers += facts.flicker > std::max(kFlickerShare, kFlickerTimes * flicker_of_others(c, facts.row));
     }
     if (all < 3 || flickers < 2 || flickers < kFlickerWarning * all) return;
-    const bool fault = flickers >= kFewestFlickers && flickers > kFlickerFault * all;
+    const bool fault = flickers >= kMinFlickers && flickers > kFlickerFault * all;
     add(c, faults::kMaskFlicker, fault ? Severity::fault : Severity::warning,
         fmt::format("its masks flicker in {:.0f} % of the frames: {:.0f} % of the area changes for one frame",
                     100.0 * flickers / all, 100.0 * quantile(values, 0.9)),
@@ -173,17 +173,17 @@ class MaskJudge {
     std::vector<double> values;
     for (std::size_t o = 0; o < footage_.size(); ++o) {
       if (o == c) continue;
-      const auto& pictures = footage_[o].pictures;
-      const auto found = std::lower_bound(pictures.begin(), pictures.end(), row,
-                                          [](const PictureFacts& facts, long wanted) { return facts.row < wanted; });
-      if (found != pictures.end() && found->row == row && found->flicker >= 0.0) values.push_back(found->flicker);
+      const auto& images = footage_[o].images;
+      const auto found = std::lower_bound(images.begin(), images.end(), row,
+                                          [](const ImageFacts& facts, long wanted) { return facts.row < wanted; });
+      if (found != images.end() && found->row == row && found->flicker >= 0.0) values.push_back(found->flicker);
     }
     return median(values);
   }
 
   void holes(std::size_t c) {
     if (rig_ && rig_->faulty[c]) return;
-    const std::vector<double> bones = usual_measure([](const PictureFacts& f) { return f.bones_on_mask; });
+    const std::vector<double> bones = usual_measure([](const ImageFacts& f) { return f.bones_on_mask; });
     if (!std::isfinite(bones[c]) || bones[c] >= kBonesWarning) return;
     const AgainstOthers against = against_others(bones, c);
     if (against.others > 0 && against.difference > -kBelowOthers && bones[c] > kBonesFault) return;
@@ -193,7 +193,7 @@ class MaskJudge {
   }
 
   void border(std::size_t c) {
-    const double at_border = share(c, [](const PictureFacts& f) { return f.mask_at_border; });
+    const double at_border = share(c, [](const ImageFacts& f) { return f.mask_at_border; });
     if (at_border < kBorderWarning) return;
     add(c, faults::kMaskBorder, Severity::note,
         fmt::format("its masks touch the border of the image in {:.0f} % of the frames", 100.0 * at_border),

@@ -21,24 +21,24 @@ constexpr double kFaultRatio = 1.7;        ///< the same: an explained camera is
 constexpr double kStandsOut = 1.4;         ///< and times the largest ratio among the cameras that agree
 constexpr double kUnexplainedRatio = 3.0;  ///< the same: faulty without any explanation
 constexpr double kBadWindowRatio = 2.2;    ///< the same for the median of one window
-constexpr double kSmallestShare = 0.004;   ///< of the person's size: less is no fault
+constexpr double kMinShare = 0.004;        ///< of the person's size: less is no fault
 constexpr double kExplains = 0.65;         ///< share of the residual that an explanation may leave
 constexpr int kManyParameters = 3;
 constexpr double kTakesMost = 0.35;    ///< share of the residual that is left by an explanation that is not near
 constexpr double kNearExpected = 4.0;  ///< of the expectation, within these shares of the person's size
 constexpr double kNearShare = 0.04, kFarShare = 0.05;
-constexpr double kExactExplains = 0.2, kLargestRest = 0.05;  ///< of the residual; of the person's size
-constexpr double kTimeGain = 0.7;                            ///< ratio of what a changing and a constant offset leave
-constexpr double kNoHarm = 1.3;                              ///< ratio of residuals with and without an explanation
-constexpr double kWholeRigExplains = 0.5;                    ///< the same for an explanation of all cameras
-constexpr double kOtherPerson = 0.06;  ///< share of the person's size: a larger residual is another person
-constexpr double kMostWindows = 0.8;   ///< share of the windows: the fault holds all the time
-constexpr double kFewestWindows = 0.08;
+constexpr double kExactExplains = 0.2, kMaxRemainder = 0.05;  ///< of the residual; of the person's size
+constexpr double kTimeGain = 0.7;                             ///< ratio of what a changing and a constant offset leave
+constexpr double kNoHarm = 1.3;                               ///< ratio of residuals with and without an explanation
+constexpr double kWholeRigExplains = 0.5;                     ///< the same for an explanation of all cameras
+constexpr double kOtherPerson = 0.06;       ///< share of the person's size: a larger residual is another person
+constexpr double kMinShareOfWindows = 0.8;  ///< share of the windows: the fault holds all the time
+constexpr double kMinWindows = 0.08;
 constexpr double kDoubtfulQuality = 0.008;  ///< share of the person's size: mistakes with all cameras are tried
-constexpr int kMostCamerasTriedAlone = 4;
-constexpr double kSmallestDelay = 0.75;  ///< rows
-constexpr double kSureDelay = 2.0;       ///< rows
-constexpr int kSearchedDelay = 15;       ///< rows
+constexpr int kMaxCamerasTriedAlone = 4;
+constexpr double kMinDelay = 0.75;  ///< rows
+constexpr double kSureDelay = 2.0;  ///< rows
+constexpr int kSearchedDelay = 15;  ///< rows
 constexpr double kDelayExplains = 0.8;
 /// Fitted faults that matter in any rig. Smaller ones are faults only where the other cameras are more precise.
 constexpr double kLargeZoom = 0.03, kLargeShift = 0.025;  ///< of the focal length; of the image's longer side
@@ -82,7 +82,7 @@ class RigExaminer {
 
   struct RigGuess {
     std::vector<SupposedView> views;
-    double quality = kLargestShare;
+    double quality = kMaxShare;
     std::string camera, fault, what, advice;
     std::vector<int> cameras;  ///< that it changes; empty: all
   };
@@ -122,7 +122,7 @@ class RigExaminer {
 
   /// For rigs in which too few cameras would be left without the faulty ones.
   void consider_single_cameras(std::optional<RigGuess>& best) const {
-    if (seen_.num_cameras() > kMostCamerasTriedAlone) return;
+    if (seen_.num_cameras() > kMaxCamerasTriedAlone) return;
     for (int c = 0; c < seen_.num_cameras(); ++c)
       for (const Explanation& mistake : usual_mistakes(seen_, c, true)) {
         RigGuess guess{result_.views, 0.0, seen_.cameras[c].name, mistake.fault, mistake.what, mistake.advice, {c}};
@@ -169,7 +169,7 @@ class RigExaminer {
 
   /// Mistakes with all lenses leave cameras that agree, but not well.
   void improve_whole_rig() {
-    if (result_.whole_rig_faulty || seen_.num_cameras() < 3 || result_.nominal.noise < kSmallestShare) return;
+    if (result_.whole_rig_faulty || seen_.num_cameras() < 3 || result_.nominal.noise < kMinShare) return;
     std::optional<RigGuess> best;
     for (const double factor : {0.5, 0.67, 0.75, 0.8, 0.85, 0.9, 0.95, 1.05, 1.1, 1.15, 1.2, 1.25, 1.33, 1.5, 2.0}) {
       RigGuess guess{result_.views,
@@ -217,8 +217,10 @@ class RigExaminer {
   /// The windows in which a camera disagrees, of those in which it has points.
   struct BadWindows {
     std::vector<int> bad, all;
-    bool always() const { return static_cast<double>(bad.size()) >= kMostWindows * static_cast<double>(all.size()); }
-    bool some() const { return static_cast<double>(bad.size()) >= kFewestWindows * static_cast<double>(all.size()); }
+    bool always() const {
+      return static_cast<double>(bad.size()) >= kMinShareOfWindows * static_cast<double>(all.size());
+    }
+    bool some() const { return static_cast<double>(bad.size()) >= kMinWindows * static_cast<double>(all.size()); }
   };
   BadWindows bad_windows(int camera, double expected) const {
     BadWindows windows;
@@ -226,7 +228,7 @@ class RigExaminer {
     for (std::size_t w = 0; w < shares.size(); ++w) {
       if (shares[w] < 0.0) continue;
       windows.all.push_back(static_cast<int>(w));
-      if (shares[w] > std::max(kBadWindowRatio * expected, kSmallestShare)) windows.bad.push_back(static_cast<int>(w));
+      if (shares[w] > std::max(kBadWindowRatio * expected, kMinShare)) windows.bad.push_back(static_cast<int>(w));
     }
     return windows;
   }
@@ -238,7 +240,7 @@ class RigExaminer {
     const BadWindows windows = bad_windows(c, expected);
     if (windows.all.empty()) return;
     const BodyTrack body = body_without(c);
-    const bool high = residual > std::max(kSuspectRatio * expected, kSmallestShare);
+    const bool high = residual > std::max(kSuspectRatio * expected, kMinShare);
     if (!high && !windows.some()) {
       unsuspected_.push_back(c);
       return;
@@ -271,7 +273,7 @@ class RigExaminer {
     for (const Explanation& explanation : explanations) {
       if (explains(explanation, before, expected)) good.push_back(explanation);
       if (explanation.parameters == 0 &&
-          explanation.residual < std::min(kExactExplains * before, kLargestRest + expected))
+          explanation.residual < std::min(kExactExplains * before, kMaxRemainder + expected))
         exact.push_back(explanation);
     }
     if (!exact.empty()) return *best_explanation(exact);
@@ -373,7 +375,7 @@ class RigExaminer {
         other_person
             ? "The keypoints of this camera show another person, or come from another recording. Detect them "
               "again, or choose the person with `doppel detect`."
-            : "Look at the pictures of this camera in the report. Calibrate the camera again if its keypoints are "
+            : "Look at the images of this camera in the report. Calibrate the camera again if its keypoints are "
               "right.");
   }
 
@@ -424,7 +426,7 @@ class RigExaminer {
     const SupposedView& nominal = result_.views[c];
     const double before = residuals_of(seen_, c, nominal, body, all).mean_of_windows(seen_.windows.size());
     const auto delay = find_delay(seen_, c, nominal, body, all, kSearchedDelay);
-    if (!delay || std::abs(*delay) < kSmallestDelay) return;
+    if (!delay || std::abs(*delay) < kMinDelay) return;
     SupposedView view = nominal;
     view.delay = *delay;
     const double after = residuals_of(seen_, c, view, body, all).mean_of_windows(seen_.windows.size());

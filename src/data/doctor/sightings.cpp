@@ -29,11 +29,11 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr long kPiece = 60;            ///< consecutive rows that are read of a long sequence
-constexpr long kMostProbed = 1000000;  ///< keypoint files that are counted where there is no video
-constexpr int kWindows = 20, kShortestWindow = 4, kLongestWindow = 40;
+constexpr long kPiece = 60;           ///< consecutive rows that are read of a long sequence
+constexpr long kMaxProbed = 1000000;  ///< keypoint files that are counted where there is no video
+constexpr int kWindows = 20, kMinWindow = 4, kMaxWindow = 40;
 constexpr double kSeenShare = 0.5;  ///< of the camera's median confidence: below, a point counts as not seen
-constexpr double kLowestConfidence = 0.05;
+constexpr double kMinConfidence = 0.05;
 constexpr double kUsualDistance = 3.0;  ///< of the cameras from their middle
 
 /// The parts of the body that detectors agree on. Points of hands and faces are left out.
@@ -138,14 +138,14 @@ class SightingsReader {
         const std::string key = landmark_key(layout.points[i]);
         if (body_parts().count(key) == 0 || seen_.point(key) >= 0) continue;
         seen_.points.push_back(key);
-        places_.push_back(i);
+        indices_.push_back(i);
       }
       if (seen_.points.size() < 5) {  // a detector with names of its own
         seen_.points = layout.points;
-        places_.resize(layout.points.size());
-        for (std::size_t i = 0; i < places_.size(); ++i) places_[i] = i;
+        indices_.resize(layout.points.size());
+        for (std::size_t i = 0; i < indices_.size(); ++i) indices_[i] = i;
       }
-      seen_.mirrored = mirrored_places(seen_.points);
+      seen_.mirrored = mirrored_indices(seen_.points);
     } catch (const Error& error) {
       findings_.push_back(
           {"", faults::kUnreadable, Severity::fault, "the keypoints cannot be read", std::string(error.what()) + "."});
@@ -202,7 +202,7 @@ class SightingsReader {
       return sequence.first_frame - 1;
     const std::string pattern = capture_.source(sequence.keypoints, seen_.file_index[0], seen_.cameras[0].name);
     long row = sequence.first_frame;
-    while (row < kMostProbed && std::filesystem::exists(expand_pattern(pattern, 0, "", row))) ++row;
+    while (row < kMaxProbed && std::filesystem::exists(expand_pattern(pattern, 0, "", row))) ++row;
     return row - 1;
   }
 
@@ -257,17 +257,17 @@ class SightingsReader {
     std::vector<double> confidences;
     for (const People& people : frames)
       for (const Person& person : people)
-        for (const std::size_t place : places_)
-          if (person[place].confidence > 0.0f) confidences.push_back(person[place].confidence);
-    const double least = std::max(kLowestConfidence, kSeenShare * median(confidences));
+        for (const std::size_t index : indices_)
+          if (person[index].confidence > 0.0f) confidences.push_back(person[index].confidence);
+    const double least = std::max(kMinConfidence, kSeenShare * median(confidences));
     const double reach = 3.0 * std::max(seen_.cameras[c].width, seen_.cameras[c].height);
     for (const People& people : frames) {
       all.emplace_back();
       for (const Person& person : people) {
-        SeenPerson seen(places_.size());
+        SeenPerson seen(indices_.size());
         int count = 0;
-        for (std::size_t k = 0; k < places_.size(); ++k) {
-          const Keypoint& point = person[places_[k]];
+        for (std::size_t k = 0; k < indices_.size(); ++k) {
+          const Keypoint& point = person[indices_[k]];
           const bool usable = point.confidence >= least && std::isfinite(point.x) && std::isfinite(point.y) &&
                               std::max(std::abs(point.x), std::abs(point.y)) < reach;
           seen[k] = {Vector2d(point.x, point.y), usable};
@@ -284,7 +284,7 @@ class SightingsReader {
   Sightings seen_;
   std::vector<std::vector<long>> rows_;  ///< [sequences] rows that the videos have
   std::optional<PointLayout> layout_;
-  std::vector<std::size_t> places_;  ///< [K] in the layout
+  std::vector<std::size_t> indices_;  ///< [K] in the layout
   int segment_ = -1;
 };
 
@@ -340,7 +340,7 @@ void complete_sightings(Sightings& seen) {
     seen.size.push_back(sizes.empty() ? 1.0 : std::max(1.0, median(sizes)));
   }
   seen.windows.clear();
-  const int length = std::clamp(seen.num_instants() / kWindows, kShortestWindow, kLongestWindow);
+  const int length = std::clamp(seen.num_instants() / kWindows, kMinWindow, kMaxWindow);
   for (int i = 0; i < seen.num_instants(); ++i) {
     const bool same = i > 0 && seen.instants[i].segment == seen.instants[as_size(i) - 1].segment;
     if (!same || static_cast<int>(seen.windows.back().size()) >= length) seen.windows.emplace_back();

@@ -17,11 +17,11 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kStep = 1e-6;                                  ///< of central differences
-constexpr double kNarrowestKernel = 0.01, kWidestKernel = 0.5;  ///< shares of the person's size
+constexpr double kStep = 1e-6;                         ///< of central differences
+constexpr double kMinKernel = 0.01, kMaxKernel = 0.5;  ///< shares of the person's size
 constexpr int kRounds = 4;
-constexpr std::size_t kMostPoints = 1500;
-constexpr double kLeastLeft = 0.5;  ///< share of the points that a delay must leave
+constexpr std::size_t kMaxPoints = 1500;
+constexpr double kMinShareLeft = 0.5;  ///< share of the points that a delay must leave
 
 /// One camera and points in space with the pixels that it should show them at.
 class ViewProblem : public LeastSquaresProblem {
@@ -34,7 +34,7 @@ class ViewProblem : public LeastSquaresProblem {
       : view_(std::move(view)), parts_(parts), size_(size) {}
 
   std::vector<Observation> observations;
-  double kernel = kWidestKernel;
+  double kernel = kMaxKernel;
 
   SupposedView view_of(const VectorXd& state) const {
     SupposedView view = view_;
@@ -94,7 +94,7 @@ class ViewProblem : public LeastSquaresProblem {
  private:
   Vector2d residual(const SupposedView& view, const Observation& seen) const {
     const auto pixel = view.pixel(seen.point);
-    if (!pixel || !pixel->allFinite()) return Vector2d::Constant(kLargestShare);
+    if (!pixel || !pixel->allFinite()) return Vector2d::Constant(kMaxShare);
     return (*pixel - seen.pixel) / size_;
   }
   void fill(const SupposedView& view, bool jacobian) {
@@ -114,11 +114,11 @@ class ViewProblem : public LeastSquaresProblem {
   DenseSystem system_;
 };
 
-/// The observations behind residuals, at most kMostPoints of them.
+/// The observations behind residuals, at most kMaxPoints of them.
 std::vector<ViewProblem::Observation> observations_of(const Sightings& seen, const SupposedView& view,
                                                       const BodyTrack& body, const ViewResiduals& residuals) {
   std::vector<ViewProblem::Observation> found;
-  const std::size_t stride = 1 + residuals.shares.size() / kMostPoints;
+  const std::size_t stride = 1 + residuals.shares.size() / kMaxPoints;
   for (std::size_t i = 0; i < residuals.shares.size(); i += stride) {
     const int instant = residuals.instant[i], seen_as = residuals.point[i];
     const int k = view.sides_swapped ? seen.mirrored[seen_as] : seen_as;
@@ -144,7 +144,7 @@ SupposedView fit_view(const Sightings& seen, int camera, SupposedView view, cons
     if (residuals.shares.size() < 6) return view;
     ViewProblem problem(view, parts, seen.size[camera]);
     problem.observations = observations_of(seen, view, body, residuals);
-    problem.kernel = std::clamp(3.0 * median(residuals.shares), kNarrowestKernel, kWidestKernel);
+    problem.kernel = std::clamp(3.0 * median(residuals.shares), kMinKernel, kMaxKernel);
     VectorXd state = VectorXd::Zero(parts.parameters());
     minimise(problem, state);
     view = problem.view_of(state);
@@ -170,7 +170,7 @@ std::optional<SupposedView> find_pose(const Sightings& seen, int camera, const S
     }
   }
   if (points.size() < 6) return std::nullopt;
-  const std::size_t stride = 1 + points.size() / kMostPoints;
+  const std::size_t stride = 1 + points.size() / kMaxPoints;
   std::vector<cv::Point3d> some_points;
   std::vector<cv::Point2d> some_planes;
   for (std::size_t i = 0; i < points.size(); i += stride) {
@@ -204,16 +204,16 @@ std::optional<double> find_delay(const Sightings& seen, int camera, const Suppos
   const auto at = [&](double delay) {
     view.delay = start.delay + delay;
     const ViewResiduals residuals = residuals_of(seen, camera, view, body, chosen);
-    if (static_cast<double>(residuals.shares.size()) < kLeastLeft * all) return kLargestShare;
+    if (static_cast<double>(residuals.shares.size()) < kMinShareLeft * all) return kMaxShare;
     return residuals.mean_of_windows(windows);
   };
-  double best = 0.0, least = kLargestShare;
+  double best = 0.0, least = kMaxShare;
   for (int delay = -longest; delay <= longest; ++delay)
     if (const double value = at(delay); value < least) {
       least = value;
       best = delay;
     }
-  if (least >= kLargestShare) return std::nullopt;
+  if (least >= kMaxShare) return std::nullopt;
   for (double step = 0.5; step > 0.05; step *= 0.5) {
     const double ahead = at(best + step), behind = at(best - step);
     if (std::min(ahead, behind) >= least) continue;

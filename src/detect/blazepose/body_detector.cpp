@@ -18,7 +18,7 @@ constexpr float kMinPresence = 0.5f;
 /// The outputs of the landmark network in the order of use: the mask is the last one, so that it can be left out.
 enum LandmarkOutput : std::size_t { kPoints, kPresence, kHeatmaps, kWorld, kMaskLogits };
 /// The same in the order of the file.
-const std::vector<std::size_t> kLandmarkOutputPlaces = {0, 1, 3, 4, 2};
+const std::vector<std::size_t> kLandmarkOutputIndices = {0, 1, 3, 4, 2};
 
 void require_image(const cv::Mat& image) {
   if (image.empty() || image.dims != 2 || image.type() != CV_8UC3)
@@ -54,7 +54,7 @@ NetworkModel read_landmarks(BlazePoseModel model, const std::filesystem::path& f
                                              {1, kRoiPixels, kRoiPixels, 1},
                                              {1, kHeatmapPixels, kHeatmapPixels, kNetworkPoints},
                                              {1, 3 * kNetworkPoints}});
-  std::vector<std::size_t> outputs = kLandmarkOutputPlaces;
+  std::vector<std::size_t> outputs = kLandmarkOutputIndices;
   if (!with_mask) outputs.pop_back();
   return keep_outputs(network, outputs);
 }

@@ -23,11 +23,11 @@ double heat(std::span<const float> heatmaps, int row, int column, std::size_t po
   return sigmoid(heatmaps[as_size(row * kHeatmapPixels + column) * as_size(kNetworkPoints) + point]);
 }
 
-/// @param place (0, 0) to (1, 1) over the region
-Eigen::Vector2d refined(const Eigen::Vector2d& place, std::span<const float> heatmaps, std::size_t point) {
-  const Eigen::Vector2d cell = place * kHeatmapPixels;
+/// @param position (0, 0) to (1, 1) over the region
+Eigen::Vector2d refined(const Eigen::Vector2d& position, std::span<const float> heatmaps, std::size_t point) {
+  const Eigen::Vector2d cell = position * kHeatmapPixels;
   const bool inside = (cell.array() > -1.0).all() && (cell.array() < kHeatmapPixels).all();  // false for NaN, too
-  if (!inside) return place;
+  if (!inside) return position;
   const int column = static_cast<int>(cell.x()), row = static_cast<int>(cell.y());
   const auto low = [](int centre) { return std::max(0, centre - kWindowReach); };
   const auto high = [](int centre) { return std::min(kHeatmapPixels - 1, centre + kWindowReach); };
@@ -41,14 +41,14 @@ Eigen::Vector2d refined(const Eigen::Vector2d& place, std::span<const float> hea
       sum += weight * Eigen::Vector2d(x, y);
     }
   }
-  return peak >= kMinPeak ? Eigen::Vector2d(sum / total / kHeatmapPixels) : place;
+  return peak >= kMinPeak ? Eigen::Vector2d(sum / total / kHeatmapPixels) : position;
 }
 
 /// The pixel of a network's point.
 Eigen::Vector2d pixel_of(const LandmarkOutputs& outputs, std::size_t point, const BodyRoi& roi) {
   const float* values = &outputs.points[kValuesPerPoint * point];
-  const Eigen::Vector2d place = Eigen::Vector2d(values[0], values[1]) / kRoiPixels;
-  return roi.image_from_roi(refined(place, outputs.heatmaps, point));
+  const Eigen::Vector2d position = Eigen::Vector2d(values[0], values[1]) / kRoiPixels;
+  return roi.image_from_roi(refined(position, outputs.heatmaps, point));
 }
 
 /// The landmark on the other side of the body; a landmark in the middle is its own.

@@ -16,7 +16,7 @@ namespace doppel {
 
 namespace {
 
-constexpr int kFewestOthers = 2;
+constexpr int kMinOthers = 2;
 
 struct Ray {
   Eigen::Vector3d origin, direction;  ///< world, direction of length 1
@@ -112,7 +112,7 @@ class Agreement {
       ++seen;
       on_mask += view.near.at<std::uint8_t>(static_cast<int>(pixel.y()), static_cast<int>(pixel.x())) != 0;
     }
-    return seen >= kFewestOthers && on_mask >= options_.share * seen;
+    return seen >= kMinOthers && on_mask >= options_.share * seen;
   }
 
   const std::vector<View>& views_;
@@ -141,7 +141,7 @@ long drop_contradicted_pixels(std::vector<cv::Mat>& masks, std::span<const Camer
                               const MaskAgreement& options) {
   check(masks, cameras, options);
   const std::vector<View> views = views_of(masks, cameras, options.tolerance);
-  if (views.size() < as_size(kFewestOthers + 1)) return 0;
+  if (views.size() < as_size(kMinOthers + 1)) return 0;
   const auto middle = middle_of(views);
   if (!middle) return 0;
   const Agreement agreement(views, *middle, options);

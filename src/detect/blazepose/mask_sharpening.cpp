@@ -17,12 +17,12 @@ constexpr int kPerson = 128;                          // probability 1/2
 constexpr double kReach = 2.3;                        // cells: farther from the coarse outline, the network is right
 constexpr std::array kWindows{2.3, 1.15, 1.15, 0.6};  // cells, of the passes
 constexpr int kFinePasses = 2;
-constexpr double kSmallestPart = 16, kSmallestHole = 4;  // squared cells
-constexpr float kDeviation = 8;                          // of colours, levels of 255
-constexpr float kLargestLogit = 4;
+constexpr double kMinPartArea = 16, kMinHoleArea = 4;  // squared cells
+constexpr float kDeviation = 8;                        // of colours, levels of 255
+constexpr float kMaxLogit = 4;
 constexpr float kBrightnessWeight = 0.15f;           // squared: brightness counts 0.4 of other differences
-constexpr float kLeastSupport = 1e-3f;               // share of a window
-constexpr float kLeastContrast = 1;                  // squared levels
+constexpr float kMinSupport = 1e-3f;                 // share of a window
+constexpr float kMinContrast = 1;                    // squared levels
 constexpr float kDarkest = 0.3f, kBrightest = 1.2f;  // of the learnt brightness
 
 /// Sizes of one pass, pixels.
@@ -72,7 +72,7 @@ class LocalMean {
   template <typename Value>
   bool at(int row, int column, Value& mean) const {
     const float support = interpolate<float>(support_, row, column);
-    if (support < kLeastSupport) return false;
+    if (support < kMinSupport) return false;
     mean = interpolate<Value>(sums_, row, column) * (1.0f / support);
     return true;
   }
@@ -100,7 +100,7 @@ std::array<float, 256> logits() {
   std::array<float, 256> table{};
   for (std::size_t i = 0; i < table.size(); ++i) {
     const float p = std::clamp(static_cast<float>(i) / 255.0f, 1e-3f, 1.0f - 1e-3f);
-    table[i] = std::clamp(std::log(p / (1.0f - p)), -kLargestLogit, kLargestLogit);
+    table[i] = std::clamp(std::log(p / (1.0f - p)), -kMaxLogit, kMaxLogit);
   }
   return table;
 }
@@ -154,7 +154,7 @@ class Outline {
       cv::Vec3f background, body;
       if (!person_.at(row, column, body) || !background_at(row, column, background)) continue;
       const cv::Vec3f seen = image_.at<cv::Vec3f>(row, column) - background, contrast = body - background;
-      const float squared = std::max(kLeastContrast, product(contrast, contrast));
+      const float squared = std::max(kMinContrast, product(contrast, contrast));
       const float logit = kLogits[probability_.at<std::uint8_t>(row, column)];
       const bool person = product(seen, contrast) >= coverage * squared - kDeviation * kDeviation * logit;
       mask_.at<std::uint8_t>(row, column) = person ? 255 : 0;
@@ -206,8 +206,8 @@ cv::Mat sharpen_mask(const cv::Mat& image, const cv::Mat& probability, const Sta
   for (int i = 0; i < kFinePasses; ++i) outline.refine(fine_pass());
   cv::Mat mask = result(box);
   outline.mask().copyTo(mask);
-  drop_small_parts(mask, 255, kSmallestPart * cell * cell);
-  drop_small_parts(mask, 0, kSmallestHole * cell * cell);
+  drop_small_parts(mask, 255, kMinPartArea * cell * cell);
+  drop_small_parts(mask, 0, kMinHoleArea * cell * cell);
   return result;
 }
 

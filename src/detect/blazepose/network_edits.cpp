@@ -49,8 +49,8 @@ NetworkModel fold_padding(const NetworkModel& model) {
     step.pad_after = pad.pad_after;
     folded[found] = true;
   }
-  std::size_t place = 0;
-  std::erase_if(result.operators, [&](const NetworkOperator&) { return folded[place++]; });
+  std::size_t number = 0;
+  std::erase_if(result.operators, [&](const NetworkOperator&) { return folded[number++]; });
   return result;
 }
 

@@ -17,9 +17,9 @@ struct Taps {
 
 /// @param coordinate in pixels, pixel centres at +0.5; size > 0
 inline Taps taps_at(float coordinate, int size) {
-  const float place = std::clamp(coordinate - 0.5f, 0.0f, static_cast<float>(size - 1));
-  const int first = static_cast<int>(place);
-  return {first, std::min(first + 1, size - 1), place - static_cast<float>(first)};
+  const float position = std::clamp(coordinate - 0.5f, 0.0f, static_cast<float>(size - 1));
+  const int first = static_cast<int>(position);
+  return {first, std::min(first + 1, size - 1), position - static_cast<float>(first)};
 }
 
 /// Writes one sample of a BGR image as RGB: scale * value + offset.

@@ -14,18 +14,18 @@ namespace doppel {
 
 namespace {
 
-constexpr int kMostFrames = 41, kFewestFrames = 7;
+constexpr int kMaxFrames = 41, kMinFrames = 7;
 constexpr double kMemory = 256.0 * 1024 * 1024;
-constexpr double kBytesPerPixel = 4;   // colour and mask
-constexpr int kFewestSamples = 5;      // of a pixel
-constexpr int kPossiblyPerson = 51;    // probability 0.2
-constexpr double kMarginInCells = 4;   // cells of the network's mask: where its outline may be wrong
-constexpr int kLargestDeviation = 18;  // median of |r - r'| + |g - g'| + |b - b'|; noise of sigma 4 gives 10
-constexpr double kSteadyShare = 0.5;   // of the observed pixels
+constexpr double kBytesPerPixel = 4;  // colour and mask
+constexpr int kMinSamples = 5;        // of a pixel
+constexpr int kPossiblyPerson = 51;   // probability 0.2
+constexpr double kMarginInCells = 4;  // cells of the network's mask: where its outline may be wrong
+constexpr int kMaxDeviation = 18;     // median of |r - r'| + |g - g'| + |b - b'|; noise of sigma 4 gives 10
+constexpr double kSteadyShare = 0.5;  // of the observed pixels
 
 constexpr double kCellsOfPerson = 200;  // a person is about that high in BlazePose's mask
 
-using Samples = std::array<std::array<std::uint8_t, kMostFrames>, 3>;
+using Samples = std::array<std::array<std::uint8_t, kMaxFrames>, 3>;
 
 std::uint8_t median(std::uint8_t* values, int count) {
   std::nth_element(values, values + count / 2, values + count);
@@ -36,7 +36,7 @@ std::uint8_t median(std::uint8_t* values, int count) {
 int gather(const std::vector<cv::Mat>& images, const std::vector<cv::Mat>& free, int row, int column,
            Samples& samples) {
   int count = 0;
-  for (std::size_t i = 0; i < images.size() && count < kMostFrames; ++i) {
+  for (std::size_t i = 0; i < images.size() && count < kMaxFrames; ++i) {
     if (free[i].at<std::uint8_t>(row, column) == 0) continue;
     const cv::Vec3b& colour = images[i].at<cv::Vec3b>(row, column);
     for (int k = 0; k < 3; ++k) samples[k][count] = colour[k];
@@ -47,7 +47,7 @@ int gather(const std::vector<cv::Mat>& images, const std::vector<cv::Mat>& free,
 
 /// The median distance of the samples from a colour.
 int deviation(const Samples& samples, int count, const cv::Vec3b& colour) {
-  std::array<std::uint8_t, kMostFrames> distances{};
+  std::array<std::uint8_t, kMaxFrames> distances{};
   for (int i = 0; i < count; ++i) {
     int sum = 0;
     for (int k = 0; k < 3; ++k) sum += std::abs(samples[k][i] - colour[k]);
@@ -92,14 +92,14 @@ StaticBackground learn_background(const std::vector<cv::Mat>& images, const std:
   for (int row = 0; row < background.known.rows; ++row)
     for (int column = 0; column < background.known.cols; ++column) {
       const int count = gather(kept, free, row, column, samples);
-      if (count < kFewestSamples) continue;
+      if (count < kMinSamples) continue;
       cv::Vec3b& colour = background.colour.at<cv::Vec3b>(row, column);
       for (int k = 0; k < 3; ++k) {
         auto values = samples[k];
         colour[k] = median(values.data(), count);
       }
       ++observed;
-      if (deviation(samples, count, colour) > kLargestDeviation) continue;
+      if (deviation(samples, count, colour) > kMaxDeviation) continue;
       ++steady;
       background.known.at<std::uint8_t>(row, column) = 255;
     }
@@ -114,7 +114,7 @@ double mask_cell(const cv::Mat& person) {
 
 std::vector<long> background_frames(const std::vector<long>& frames, cv::Size image) {
   const double affordable = kMemory / (kBytesPerPixel * std::max(1.0, static_cast<double>(image.area())));
-  const auto most = as_size(std::clamp(affordable, double{kFewestFrames}, double{kMostFrames}));
+  const auto most = as_size(std::clamp(affordable, double{kMinFrames}, double{kMaxFrames}));
   if (frames.size() <= most) return frames;
   std::vector<long> chosen;
   for (std::size_t i = 0; i < most; ++i) chosen.push_back(frames[i * (frames.size() - 1) / (most - 1)]);

@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::size_t kC3dBlock = 512;
 constexpr unsigned char kC3dMark = 0x50;
-constexpr std::size_t kMostC3dPoints = 10000;
+constexpr std::size_t kMaxC3dPoints = 10000;
 
 /// The numbers of a C3D file, in the byte order of the machine that wrote it.
 class C3dBytes {
@@ -231,8 +231,8 @@ void C3dReader::read_counts() {
   count_ = count("POINT:USED", 2);
   analog_ = as_size(bytes_.word(4));
   if (count_ == 0) fail_at(bytes_.where(), "reading a C3D file: it holds no points (POINT:USED is 0)");
-  if (count_ > kMostC3dPoints)
-    fail_at(bytes_.where(), "reading a C3D file: it holds {} points; at most {} are read", count_, kMostC3dPoints);
+  if (count_ > kMaxC3dPoints)
+    fail_at(bytes_.where(), "reading a C3D file: it holds {} points; at most {} are read", count_, kMaxC3dPoints);
   const std::size_t block = count("POINT:DATA_START", 16);
   if (block < 2)
     fail_at(bytes_.where(), "reading a C3D file: the points begin in block {}, inside of the header", block);

@@ -11,7 +11,7 @@ namespace doppel {
 
 namespace {
 
-constexpr double kFarthestOfDeepLabCut = 1e7;
+constexpr double kMaxDeepLabCutCoordinate = 1e7;
 
 /// Where the numbers of one point of one individual stand in a row.
 struct DeepLabCutPoint {
@@ -94,7 +94,7 @@ class DeepLabCutReader {
     const std::string_view text = reader_.tokens()[column];
     if (text.empty()) return std::nan("");
     const std::optional<double> value = parse_number(text);
-    if (!value || std::abs(*value) > kFarthestOfDeepLabCut)
+    if (!value || std::abs(*value) > kMaxDeepLabCutCoordinate)
       reader_.fail_here("reading a table of DeepLabCut: column {} holds '{}', a number is expected", column + 1,
                         text.substr(0, 40));
     return *value;

@@ -63,7 +63,7 @@ NumberedNames number_names(const std::vector<std::string>& names) {
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return natural_less(names[a], names[b]); });
   result = {std::vector<long>(names.size()), true};
-  for (std::size_t place = 0; place < order.size(); ++place) result.frames[order[place]] = static_cast<long>(place);
+  for (std::size_t rank = 0; rank < order.size(); ++rank) result.frames[order[rank]] = static_cast<long>(rank);
   return result;
 }
 

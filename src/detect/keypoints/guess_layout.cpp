@@ -17,9 +17,9 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr int kMostFilesRead = 40, kMostFramesTried = 2000;
+constexpr int kMaxFilesRead = 40, kMaxFramesTried = 2000;
 constexpr double kClearlyShorter = 0.8;  ///< ratio of the limbs' lengths in the two layouts
-constexpr int kFewestLimbs = 8;          ///< seen in both layouts
+constexpr int kMinLimbs = 8;             ///< seen in both layouts
 
 /// The order of a wrong layout joins points that are far apart.
 std::vector<NamedLimb> checked_limbs() {
@@ -91,14 +91,14 @@ std::optional<std::string> layout_with_names(const std::vector<std::string>& nam
 std::string decide_by_limbs(const std::vector<std::string>& names, const std::vector<Detections>& detections,
                             const FileLocation& where) {
   std::vector<std::pair<double, std::string>> lengths;
-  int fewest = kFewestLimbs;
+  int fewest = kMinLimbs;
   for (const std::string& name : names) {
     const LimbLength length = limb_length(read_keypoint_map(name), detections);
     fewest = std::min(fewest, length.count);
     lengths.emplace_back(length.mean(), name);
   }
   std::sort(lengths.begin(), lengths.end());
-  if (fewest < kFewestLimbs || lengths[0].first > kClearlyShorter * lengths[1].first)
+  if (fewest < kMinLimbs || lengths[0].first > kClearlyShorter * lengths[1].first)
     fail_at(where,
             "reading keypoints: the points may be those of {}, and the detected people do not decide it; say which "
             "with `keypoint_map`",
@@ -108,14 +108,14 @@ std::string decide_by_limbs(const std::vector<std::string>& names, const std::ve
 
 void read_some_of_folder(const fs::path& folder, const KeypointCamera& camera, std::vector<Detections>& found) {
   const std::map<long, fs::path> files = keypoint_files_of_folder(folder);
-  const std::size_t step = std::max<std::size_t>(1, files.size() / as_size(kMostFilesRead));
+  const std::size_t step = std::max<std::size_t>(1, files.size() / as_size(kMaxFilesRead));
   std::size_t i = 0;
   for (const auto& [frame, file] : files)
     if (i++ % step == 0) found.push_back(read_detections(file, camera));
 }
 
 void read_some_of_pattern(const std::string& pattern, const KeypointCamera& camera, std::vector<Detections>& found) {
-  for (long frame = 0; frame < kMostFramesTried && found.size() < as_size(kMostFilesRead); ++frame) {
+  for (long frame = 0; frame < kMaxFramesTried && found.size() < as_size(kMaxFilesRead); ++frame) {
     const fs::path file = expand_pattern(pattern, 0, "", frame);
     if (fs::is_regular_file(file)) found.push_back(read_detections(file, camera));
   }

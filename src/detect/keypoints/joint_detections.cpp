@@ -13,15 +13,15 @@ namespace {
 
 constexpr char kHeader[] = "frame,index,name,x_mm,y_mm,z_mm";
 constexpr double kMillimetre = 1e-3;
-constexpr double kFarthest = 10.0;
+constexpr double kMaxDistance = 10.0;
 
 /// The index of the row's point in the layout.
 std::size_t point_of(const TextReader& reader, const PointLayout& layout) {
-  const auto place = as_size(reader.integer(1, "the point's index", 0, static_cast<long>(layout.points.size()) - 1));
-  if (landmark_key(std::string(reader.tokens()[2])) != landmark_key(layout.points[place]))
-    reader.fail_here("point {} is called '{}', but in '{}' it is '{}'", place, reader.tokens()[2].substr(0, 60),
-                     layout.name, layout.points[place]);
-  return place;
+  const auto index = as_size(reader.integer(1, "the point's index", 0, static_cast<long>(layout.points.size()) - 1));
+  if (landmark_key(std::string(reader.tokens()[2])) != landmark_key(layout.points[index]))
+    reader.fail_here("point {} is called '{}', but in '{}' it is '{}'", index, reader.tokens()[2].substr(0, 60),
+                     layout.name, layout.points[index]);
+  return index;
 }
 
 }  // namespace
@@ -39,14 +39,14 @@ std::map<long, std::vector<JointDetection>> read_joint_detections(const std::fil
   std::map<long, std::vector<JointDetection>> frames;
   while (reader.next_row(6)) {
     const long frame = reader.integer(0, "the frame", 0, INT_MAX);
-    const std::size_t place = point_of(reader, layout);
+    const std::size_t index = point_of(reader, layout);
     std::vector<JointDetection>& joints = frames.try_emplace(frame, layout.points.size()).first->second;
-    if (joints[place].seen) reader.fail_here("the point '{}' of frame {} is given twice", layout.points[place], frame);
+    if (joints[index].seen) reader.fail_here("the point '{}' of frame {} is given twice", layout.points[index], frame);
     const Eigen::Vector3d millimetres(reader.number(3, "x"), reader.number(4, "y"), reader.number(5, "z"));
-    joints[place] = {kMillimetre * millimetres, true};
-    if (joints[place].position.norm() > kFarthest)
+    joints[index] = {kMillimetre * millimetres, true};
+    if (joints[index].position.norm() > kMaxDistance)
       reader.fail_here("the point '{}' is {:.4g} m from the body's root; millimetres relative to it are expected",
-                       layout.points[place], joints[place].position.norm());
+                       layout.points[index], joints[index].position.norm());
   }
   if (frames.empty()) reader.fail_here("the table has no rows");
   return frames;

@@ -15,11 +15,11 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t kMostJsonDepth = 100;
-constexpr std::uintmax_t kMostJsonBytes = std::uintmax_t{1} << 30;
-constexpr double kFarthestPixel = 1e7;
+constexpr std::size_t kMaxJsonDepth = 100;
+constexpr std::uintmax_t kMaxJsonBytes = std::uintmax_t{1} << 30;
+constexpr double kMaxCoordinate = 1e7;
 
-/// The token of Python at a place of a JSON text, or nothing.
+/// The token of Python at a position of a JSON text, or nothing.
 std::string_view token_of_python(std::string_view text, std::size_t at) {
   for (const std::string_view token : {"NaN", "-Infinity", "Infinity"})
     if (text.substr(at, token.size()) == token) return token;
@@ -54,7 +54,7 @@ int line_of_byte(const std::string& text, std::size_t byte) {
 std::optional<double> coordinate(const json& value, const FileLocation& where) {
   if (value.is_null()) return std::nullopt;
   const double number = value.is_number() ? value.get<double>() : std::nan("");
-  if (!(std::abs(number) <= kFarthestPixel))
+  if (!(std::abs(number) <= kMaxCoordinate))
     fail_at(where, "reading keypoints: found '{}' where a number of a person's keypoints is expected",
             value.dump(-1, ' ', false, json::error_handler_t::replace).substr(0, 40));
   return number;
@@ -76,9 +76,9 @@ void require_scores(const json& list, const json* scores, const FileLocation& wh
 }  // namespace
 
 std::shared_ptr<const json> parse_keypoint_json(const std::filesystem::path& path) {
-  std::string text = read_file(path, kMostJsonBytes);
-  if (is_json_deeper_than(text, kMostJsonDepth))
-    fail_at({path.string(), 0}, "reading keypoints: lists and objects are nested more than {} deep", kMostJsonDepth);
+  std::string text = read_file(path, kMaxJsonBytes);
+  if (is_json_deeper_than(text, kMaxJsonDepth))
+    fail_at({path.string(), 0}, "reading keypoints: lists and objects are nested more than {} deep", kMaxJsonDepth);
   for (const bool again : {false, true}) {
     try {
       return std::make_shared<const json>(json::parse(text));

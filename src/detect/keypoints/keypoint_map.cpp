@@ -152,8 +152,8 @@ std::vector<Keypoint> LandmarkPicker::pick(const std::optional<Person>& person) 
   std::vector<Keypoint> landmarks;
   for (const std::vector<int>& points : points_) {
     Keypoint middle{0.0f, 0.0f, points.empty() ? 0.0f : 1.0f};
-    for (const int place : points) {
-      const Keypoint& point = person->at(as_size(place));
+    for (const int number : points) {
+      const Keypoint& point = person->at(as_size(number));
       middle.x += point.x / static_cast<float>(points.size());
       middle.y += point.y / static_cast<float>(points.size());
       middle.confidence = std::min(middle.confidence, point.confidence);
@@ -168,8 +168,8 @@ std::vector<JointDetection> LandmarkPicker::pick(const std::vector<JointDetectio
   for (const std::vector<int>& points : points_) {
     JointDetection middle;
     middle.seen = !points.empty();
-    for (const int place : points) {
-      const JointDetection& joint = joints.at(as_size(place));
+    for (const int number : points) {
+      const JointDetection& joint = joints.at(as_size(number));
       middle.position += joint.position / static_cast<double>(points.size());
       middle.seen = middle.seen && joint.seen;
     }

@@ -16,7 +16,7 @@ namespace {
 
 constexpr char kTableHeader[] = "frame,name,x,y,confidence";
 constexpr char kTableOfCameras[] = "frame,camera,name,x,y,confidence";  ///< one table may hold several cameras
-constexpr double kFarthestOfTable = 1e7;
+constexpr double kMaxTableCoordinate = 1e7;
 constexpr std::size_t kOthersInMessage = 20;
 
 /// The first line without blanks and byte order mark.
@@ -61,26 +61,26 @@ class TableReader {
     const double x = reader_.number(name_column_ + 1, "x"), y = reader_.number(name_column_ + 2, "y");
     const double sure = reader_.number(name_column_ + 3, "the confidence");
     if (sure < 0.0 || sure > 1.0) reader_.fail_here("the confidence is {}, allowed is 0 to 1", sure);
-    if (std::abs(x) > kFarthestOfTable || std::abs(y) > kFarthestOfTable)
+    if (std::abs(x) > kMaxTableCoordinate || std::abs(y) > kMaxTableCoordinate)
       reader_.fail_here("({}, {}) lies in no image", x, y);
     if (name_column_ == 2 && reader_.tokens()[1] != camera_) {
       if (others_.size() < kOthersInMessage) others_.emplace(reader_.tokens()[1].substr(0, 60));
       return;
     }
-    const auto [place, is_new] =
-        places_.emplace(std::string(reader_.tokens()[name_column_]), static_cast<int>(result_.points.size()));
-    if (is_new) result_.points.push_back(place->first);
-    if (!given_.emplace(frame, place->second).second)
-      reader_.fail_here("the point '{}' of frame {} is given twice", place->first, frame);
+    const auto [entry, is_new] =
+        indices_.emplace(std::string(reader_.tokens()[name_column_]), static_cast<int>(result_.points.size()));
+    if (is_new) result_.points.push_back(entry->first);
+    if (!given_.emplace(frame, entry->second).second)
+      reader_.fail_here("the point '{}' of frame {} is given twice", entry->first, frame);
     Person& points = images_[frame];
     if (points.size() < result_.points.size()) points.resize(result_.points.size());
-    points[place->second] = keypoint_of(x, y, sure);
+    points[entry->second] = keypoint_of(x, y, sure);
   }
 
   TextReader reader_;
   std::string camera_;
   std::size_t name_column_;
-  std::map<std::string, int> places_;
+  std::map<std::string, int> indices_;
   std::map<long, Person> images_;
   std::set<std::pair<long, int>> given_;
   std::set<std::string> others_;

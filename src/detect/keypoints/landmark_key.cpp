@@ -90,9 +90,9 @@ std::optional<int> find_landmark(const std::vector<std::string>& names, const st
   return found == names.end() ? std::nullopt : std::optional(static_cast<int>(found - names.begin()));
 }
 
-std::vector<int> mirrored_places(const std::vector<std::string>& names) {
-  std::map<std::string, int> place_of;
-  for (std::size_t i = 0; i < names.size(); ++i) place_of.emplace(landmark_key(names[i]), static_cast<int>(i));
+std::vector<int> mirrored_indices(const std::vector<std::string>& names) {
+  std::map<std::string, int> index_of;
+  for (std::size_t i = 0; i < names.size(); ++i) index_of.emplace(landmark_key(names[i]), static_cast<int>(i));
   std::vector<int> mirrored;
   for (std::size_t i = 0; i < names.size(); ++i) {
     std::string key = landmark_key(names[i]);
@@ -100,8 +100,8 @@ std::vector<int> mirrored_places(const std::vector<std::string>& names) {
       key.replace(0, 4, "right");
     else if (key.starts_with("right_"))
       key.replace(0, 5, "left");
-    const auto found = place_of.find(key);
-    mirrored.push_back(found == place_of.end() ? static_cast<int>(i) : found->second);
+    const auto found = index_of.find(key);
+    mirrored.push_back(found == index_of.end() ? static_cast<int>(i) : found->second);
   }
   return mirrored;
 }

@@ -18,6 +18,6 @@ std::string landmark_key(const std::string& name);
 std::optional<int> find_landmark(const std::vector<std::string>& names, const std::string& name);
 
 /// [n] for each name the index of the same part on the other side of the body, its own index if there is none.
-std::vector<int> mirrored_places(const std::vector<std::string>& names);
+std::vector<int> mirrored_indices(const std::vector<std::string>& names);
 
 }  // namespace doppel

@@ -7,7 +7,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kDeepestList = 4;  ///< of lists of people in lists of images; no known tool nests deeper
+constexpr int kMaxListDepth = 4;  ///< of lists of people in lists of images; no known tool nests deeper
 
 const json* mmpose_list(const json& object) { return find_key(object, {"instances", "predictions", "instance_info"}); }
 
@@ -18,7 +18,7 @@ bool is_mmpose_person(const json& object) {
 
 /// Whether the first object in nested lists is a person, or an image with a list of people.
 bool begins_with_mmpose(const json& node, int depth = 0) {
-  if (node.is_array()) return depth < kDeepestList && !node.empty() && begins_with_mmpose(node[0], depth + 1);
+  if (node.is_array()) return depth < kMaxListDepth && !node.empty() && begins_with_mmpose(node[0], depth + 1);
   return mmpose_list(node) || is_mmpose_person(node);
 }
 
@@ -41,7 +41,7 @@ class MmposeReader {
 
  private:
   void collect(const json& node, int depth, std::optional<long> frame) {
-    if (depth > kDeepestList) fail_at(where_, "reading keypoints: lists are nested deeper than any known file's");
+    if (depth > kMaxListDepth) fail_at(where_, "reading keypoints: lists are nested deeper than any known file's");
     if (node.is_array()) {
       for (const json& item : node) collect(item, depth + 1, frame);
     } else if (const json* list = mmpose_list(node)) {

@@ -14,8 +14,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kStep = 0.3, kStepPerFrame = 0.15, kLongestStep = 1.5;  ///< metres that a body may move
-constexpr double kEquallyGood = 0.75;                                    ///< of the support of the best person
+constexpr double kStep = 0.3, kStepPerFrame = 0.15, kMaxStep = 1.5;  ///< metres that a body may move
+constexpr double kEquallyGood = 0.75;                                ///< of the support of the best person
 constexpr double kWorthNaming = 0.1;
 constexpr double kGoesOn = 0.6;     ///< of the mean support per frame, to count as the same person later
 constexpr double kTolerance = 2.0;  ///< of the largest residual, once the body is known
@@ -51,7 +51,7 @@ void link_groups(long frame, std::vector<PersonGroup> groups, std::vector<GroupT
   std::vector<Link> links;
   for (std::size_t t = 0; t < tracks.size(); ++t) {
     const auto& [last, before] = *tracks[t].groups.rbegin();
-    const double reach = std::min(kLongestStep, kStep + kStepPerFrame * static_cast<double>(frame - last));
+    const double reach = std::min(kMaxStep, kStep + kStepPerFrame * static_cast<double>(frame - last));
     for (std::size_t g = 0; g < groups.size(); ++g) {
       const double distance = (groups[g].middle - before.middle).norm();
       if (distance <= reach) links.push_back({distance, g, t});
@@ -219,7 +219,7 @@ std::vector<std::string> PersonChoice::doubts(const std::vector<Camera>& cameras
 
 PersonChoice follow_people(const std::vector<std::vector<People>>& frames, const std::vector<Camera>& cameras,
                            const PointLayout& layout, const PersonChoiceOptions& options) {
-  const PersonGrouper grouper(cameras, mirrored_places(layout.points), options.max_residual);
+  const PersonGrouper grouper(cameras, mirrored_indices(layout.points), options.max_residual);
   const std::vector<GroupTrack> tracks = find_tracks(frames, grouper, cameras.size());
   PersonChoice choice;
   for (const GroupTrack& track : tracks)

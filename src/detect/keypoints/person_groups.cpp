@@ -17,12 +17,12 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kFewestShared = 4;                            ///< points of a body that a detection must show to agree
-constexpr double kShareOfAgreement = 0.5;                   ///< of these points
-constexpr double kSmallestAngle = 0.03;                     ///< radians between two rays
-constexpr double kSmallestBody = 0.03, kLargestBody = 3.0;  ///< metres; median distance of the points from the middle
-constexpr std::size_t kMostGrown = 400;                     ///< proposals looked at in one frame
-constexpr int kMostPairsOfPoint = 60;
+constexpr int kMinShared = 4;                      ///< points of a body that a detection must show to agree
+constexpr double kShareOfAgreement = 0.5;          ///< of these points
+constexpr double kMinAngle = 0.03;                 ///< radians between two rays
+constexpr double kMinBody = 0.03, kMaxBody = 3.0;  ///< metres; median distance of the points from the middle
+constexpr std::size_t kMaxGrown = 400;             ///< proposals looked at in one frame
+constexpr int kMaxPairsOfPoint = 60;
 constexpr int kAllPairsUpTo = 8;  ///< cameras
 
 /// Length of the residual; infinite behind the camera.
@@ -48,9 +48,9 @@ bool has_size_of_body(const std::vector<std::optional<Vector3d>>& body) {
   std::vector<double> distances;
   for (const auto& point : body)
     if (point) distances.push_back((*point - middle).norm());
-  if (static_cast<int>(distances.size()) < kFewestShared) return false;
+  if (static_cast<int>(distances.size()) < kMinShared) return false;
   const double size = median(distances);
-  return size >= kSmallestBody && size <= kLargestBody;
+  return size >= kMinBody && size <= kMaxBody;
 }
 
 /// The distances in a ring of cameras at which pairs of cameras are compared.
@@ -113,12 +113,12 @@ void PersonGrouper::propose(const Frame& frame, Proposal proposal, std::vector<P
     for (std::size_t i = 0; i < first.size(); ++i) {
       const SeenPoint& other = second[mirrored ? as_size(mirrored_[i]) : i];
       if (!first[i] || !other) continue;
-      const auto position = meeting_point(*first[i], *other, kSmallestAngle);
+      const auto position = meeting_point(*first[i], *other, kMinAngle);
       if (!position) continue;
       residuals.push_back(std::max(distance(*first[i], *position), distance(*other, *position)));
       if (residuals.back() <= max_residual_) proposal.body[i] = *position;
     }
-    if (static_cast<int>(residuals.size()) < kFewestShared) continue;
+    if (static_cast<int>(residuals.size()) < kMinShared) continue;
     proposal.residual = median(residuals);
     if (proposal.residual < best.residual) best = proposal;
   }
@@ -152,7 +152,7 @@ PersonGrouper::Fit PersonGrouper::fit(const Detection& detection, const Body& bo
     ++result.agreeing;
     result.sum += apart;
   }
-  const bool agrees = result.shared >= kFewestShared && result.agreeing >= kShareOfAgreement * result.shared;
+  const bool agrees = result.shared >= kMinShared && result.agreeing >= kShareOfAgreement * result.shared;
   if (!agrees) result.agreeing = 0;
   return result;
 }
@@ -191,8 +191,8 @@ PersonGrouper::Body PersonGrouper::triangulated(const Frame& frame, const Person
                                                 const std::vector<bool>& mirrored) const {
   TriangulationOptions options;
   options.inlier_threshold = max_residual_;
-  options.smallest_angle = kSmallestAngle;
-  options.most_pairs = kMostPairsOfPoint;
+  options.smallest_angle = kMinAngle;
+  options.most_pairs = kMaxPairsOfPoint;
   Body body(mirrored_.size());
   for (std::size_t i = 0; i < body.size(); ++i) {
     std::vector<Sight> sights;
@@ -226,7 +226,7 @@ std::vector<PersonGroup> PersonGrouper::find(const std::vector<People>& people) 
     if (known) continue;
     PersonGroup group = grow(frame, proposal.body);
     if (group.views >= 2 && has_size_of_body(group.body)) grown.push_back(std::move(group));
-    if (grown.size() >= kMostGrown) break;
+    if (grown.size() >= kMaxGrown) break;
   }
   std::stable_sort(grown.begin(), grown.end(), is_better);
   std::vector<PersonGroup> found;

@@ -20,8 +20,8 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::size_t kHeadBytes = 16 << 10;
-constexpr float kLargestFraction = 1.5f;
-constexpr int kFewestForFractions = 3;
+constexpr float kMaxFraction = 1.5f;
+constexpr int kMinFractionPoints = 3;
 constexpr double kShareOfFractions = 0.9, kShareOfNegatives = 0.3;
 
 KeypointFile open_keypoint_file(const fs::path& path) {
@@ -54,10 +54,10 @@ PointUnit unit_by_content(const Detections& detections, const FileLocation& wher
       for (const Keypoint& point : person.body) {
         if (point.confidence <= 0.0f) continue;
         ++count;
-        small += std::max(std::abs(point.x), std::abs(point.y)) <= kLargestFraction;
+        small += std::max(std::abs(point.x), std::abs(point.y)) <= kMaxFraction;
         negative += std::min(point.x, point.y) < 0.0f;
       }
-  if (count < kFewestForFractions || small < kShareOfFractions * count) return PointUnit::pixels;
+  if (count < kMinFractionPoints || small < kShareOfFractions * count) return PointUnit::pixels;
   if (negative > kShareOfNegatives * count)
     fail_at(where,
             "reading keypoints: the coordinates are parts of the image's size from -1 to 1; pixels or parts from 0 to "
@@ -78,7 +78,7 @@ class LayoutFit {
  public:
   LayoutFit(const Detections& detections, const PointLayout& layout, const KeypointCamera& camera, FileLocation where)
       : detections_(detections), layout_(layout), where_(std::move(where)) {
-    place_names();
+    order_names();
     if (detections.unit != PointUnit::fractions) return;
     if (camera.width <= 0 || camera.height <= 0)
       fail_at(where_,
@@ -99,39 +99,39 @@ class LayoutFit {
   }
 
  private:
-  /// Finds the places of points that have names. Names that the layout has at another index decide the order; names
+  /// Finds the positions of points that have names. Names that the layout has at another index decide the order; names
   /// that the layout does not have leave it as it is.
-  void place_names() {
+  void order_names() {
     const std::vector<std::string>& names = detections_.points;
     if (!detections_.by_name && names.size() != layout_.points.size()) return;
     bool all = true, moved = false;
     std::set<int> taken;
     for (std::size_t i = 0; i < names.size(); ++i) {
-      const std::optional<int> place = layout_.find(names[i]);
-      if (!place && detections_.by_name)
+      const std::optional<int> index = layout_.find(names[i]);
+      if (!index && detections_.by_name)
         fail_at(where_, "there is no point '{}'; '{}' has {}", names[i].substr(0, 60), layout_.name,
                 fmt::join(layout_.points, ", "));
-      const bool is_new = !place || taken.insert(*place).second;
+      const bool is_new = !index || taken.insert(*index).second;
       if (!is_new && detections_.by_name)
         fail_at(where_, "the point '{}' is given twice, under two spellings of its name", names[i].substr(0, 60));
-      places_.push_back(place.value_or(-1));
-      all &= place && is_new;
-      moved |= place && as_size(*place) != i;
+      indices_.push_back(index.value_or(-1));
+      all &= index && is_new;
+      moved |= index && as_size(*index) != i;
     }
     if (!all && moved)
       fail_at(where_,
               "reading keypoints: the file names its points {}; those of the keypoint map '{}' are {}: name the "
               "detector's own map with `keypoint_map`",
               fmt::join(names, ", "), layout_.name, fmt::join(layout_.points, ", "));
-    if (!all) places_.clear();
+    if (!all) indices_.clear();
   }
 
   Person fitted(const DetectedPerson& detected) const {
     const std::size_t count = layout_.points.size();
     Person person = detected.body;
-    if (!places_.empty() && person.size() == places_.size()) {
+    if (!indices_.empty() && person.size() == indices_.size()) {
       Person moved(count);
-      for (std::size_t i = 0; i < places_.size(); ++i) moved[places_[i]] = person[i];
+      for (std::size_t i = 0; i < indices_.size(); ++i) moved[indices_[i]] = person[i];
       person = std::move(moved);
     } else if (person.size() != count && !person.empty()) {
       person.insert(person.end(), detected.rest.begin(), detected.rest.end());
@@ -155,7 +155,7 @@ class LayoutFit {
   const Detections& detections_;
   const PointLayout& layout_;
   FileLocation where_;
-  std::vector<int> places_;
+  std::vector<int> indices_;
   float scale_x_ = 1.0f, scale_y_ = 1.0f;
 };
 

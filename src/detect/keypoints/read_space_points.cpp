@@ -19,8 +19,8 @@ namespace {
 using nlohmann::json;
 using Row = std::vector<std::string>;
 
-constexpr std::uintmax_t kMostBytesOfPoints = std::uintmax_t{1} << 30;
-constexpr std::size_t kMostSpacePoints = 10000;
+constexpr std::uintmax_t kMaxBytesOfPoints = std::uintmax_t{1} << 30;
+constexpr std::size_t kMaxSpacePoints = 10000;
 
 Row split_at(std::string_view line, char separator) {
   Row cells(1);
@@ -41,7 +41,7 @@ Row split_at(std::string_view line, char separator) {
 class Lines {
  public:
   Lines(const std::filesystem::path& path, char separator)
-      : where_{path.string(), 0}, separator_(separator), text_(read_file(path, kMostBytesOfPoints)) {
+      : where_{path.string(), 0}, separator_(separator), text_(read_file(path, kMaxBytesOfPoints)) {
     if (text_.starts_with("\xEF\xBB\xBF")) at_ = 3;
   }
   /// The cells of the next line; false at the end.
@@ -133,9 +133,9 @@ class TrcReader {
         fail_at(lines_.where(), "reading points in space: the point '{}' is given twice", cells[i].substr(0, 60));
       points_.names.push_back(cells[i]);
     }
-    if (points_.names.empty() || points_.names.size() > kMostSpacePoints)
+    if (points_.names.empty() || points_.names.size() > kMaxSpacePoints)
       fail_at(lines_.where(), "reading points in space: found {} names of points, expected 1 to {}",
-              points_.names.size(), kMostSpacePoints);
+              points_.names.size(), kMaxSpacePoints);
   }
 
   void read_row(Row& cells) {
@@ -178,17 +178,17 @@ class CaliscopePointReader {
     SpacePoints points;
     points.format = "caliscope";
     points.unit = "m";
-    std::map<long, std::size_t> places;
+    std::map<long, std::size_t> indices;
     for (const auto& [frame, row] : rows_)
-      for (const auto& [id, point] : row) places.emplace(id, 0);
-    for (auto& [id, place] : places) {
-      place = points.names.size();
+      for (const auto& [id, point] : row) indices.emplace(id, 0);
+    for (auto& [id, index] : indices) {
+      index = points.names.size();
       points.names.push_back(std::to_string(id));
     }
     for (const auto& [frame, row] : rows_) {
       auto& found = points.frames[frame];
       found.resize(points.names.size());
-      for (const auto& [id, point] : row) found[places.at(id)] = point;
+      for (const auto& [id, point] : row) found[indices.at(id)] = point;
     }
     return points;
   }
@@ -206,8 +206,8 @@ class CaliscopePointReader {
       fail_at(lines_.where(), "reading points in space: the line has {} columns, the table has {}", cells.size(),
               columns);
     const long id = frame_of_cell(cells[id_], lines_.where());
-    if (ids_.insert({id, 0}).second && ids_.size() > kMostSpacePoints)
-      fail_at(lines_.where(), "reading points in space: the table has more than {} points", kMostSpacePoints);
+    if (ids_.insert({id, 0}).second && ids_.size() > kMaxSpacePoints)
+      fail_at(lines_.where(), "reading points in space: the table has more than {} points", kMaxSpacePoints);
     const auto point = point_of_cells(&cells[x_], 1.0, lines_.where());
     const bool is_new = rows_[frame_of_cell(cells[frame_], lines_.where())].emplace(id, point).second;
     if (!is_new) fail_at(lines_.where(), "reading points in space: the point {} is given twice in its frame", id);
@@ -266,7 +266,7 @@ SpacePoints read_lifted(const std::filesystem::path& path) {
 
 SpacePoints read_space_points(const std::filesystem::path& path, std::optional<double> metres_per_unit) {
   const std::string head = beginning_of(path);
-  if (is_c3d(head)) return parse_c3d(read_file(path, kMostBytesOfPoints), {path.string()}, metres_per_unit);
+  if (is_c3d(head)) return parse_c3d(read_file(path, kMaxBytesOfPoints), {path.string()}, metres_per_unit);
   const std::string line = head.substr(0, head.find('\n'));
   if (line.find("PathFileType") != std::string::npos) return TrcReader(path, metres_per_unit).take();
   if (line.find("sync_index") != std::string::npos) return CaliscopePointReader(path).take();

@@ -4,7 +4,7 @@ namespace doppel {
 
 namespace {
 
-constexpr double kFarthestPoint = 1e5;  ///< metres
+constexpr double kMaxPointDistance = 1e5;  ///< metres
 
 }  // namespace
 
@@ -18,7 +18,7 @@ double metres_of_unit(const std::string& unit, const FileLocation& where) {
 }
 
 void require_near(const Eigen::Vector3d& point, const FileLocation& where) {
-  if (!(point.cwiseAbs().maxCoeff() < kFarthestPoint))
+  if (!(point.cwiseAbs().maxCoeff() < kMaxPointDistance))
     fail_at(where, "reading points in space: a point is farther away than 100 km");
 }
 

@@ -12,8 +12,8 @@ namespace doppel {
 
 namespace {
 
-constexpr double kFarthestOfWide = 1e7;
-constexpr std::size_t kMostWideColumns = 10000;
+constexpr double kMaxWideCoordinate = 1e7;
+constexpr std::size_t kMaxWideColumns = 10000;
 
 /// A column like `L0_x`, `nose.y`, `x12` or `left_hip_visibility`.
 struct WideColumn {
@@ -81,19 +81,19 @@ bool order_by_number(const std::vector<std::string>& names, std::vector<WidePoin
 
 WideHeader read_wide_header(const std::vector<std::string>& columns) {
   WideHeader header;
-  std::map<std::string, std::size_t> places;
-  for (std::size_t c = 0; c < columns.size() && columns.size() <= kMostWideColumns; ++c) {
+  std::map<std::string, std::size_t> indices;
+  for (std::size_t c = 0; c < columns.size() && columns.size() <= kMaxWideColumns; ++c) {
     const std::string plain = lower(columns[c]);
     if (plain == "frame" || plain == "frame_id" || plain == "frame_number" || plain == "frame_index")
       header.frame = static_cast<int>(c);
     const WideColumn column = wide_column(columns[c]);
     if (column.part == 0 || column.point.empty()) continue;
-    const auto [place, is_new] = places.emplace(column.point, header.points.size());
+    const auto [entry, is_new] = indices.emplace(column.point, header.points.size());
     if (is_new) {
       header.points.emplace_back();
       header.names.push_back(column.point);
     }
-    WidePoint& point = header.points[place->second];
+    WidePoint& point = header.points[entry->second];
     (column.part == 'x' ? point.x : column.part == 'y' ? point.y : point.confidence) = static_cast<int>(c);
   }
   const bool complete = std::all_of(header.points.begin(), header.points.end(),
@@ -134,7 +134,7 @@ class WideReader {
     const std::string_view text = reader_.tokens()[column];
     if (text.empty()) return std::nan("");
     const std::optional<double> value = parse_number(text);
-    if (!value || std::abs(*value) > kFarthestOfWide)
+    if (!value || std::abs(*value) > kMaxWideCoordinate)
       reader_.fail_here("reading keypoints: column {} holds '{}', a number is expected", column + 1,
                         text.substr(0, 40));
     return *value;

@@ -16,8 +16,8 @@ namespace doppel {
 
 namespace {
 
-constexpr int kFewest = 20;  ///< images that the model needs: fewer are repeated, or variances stay at their guess
-constexpr double kSmallestShare = 5e-4;      ///< of the image: the smallest person
+constexpr int kMinImages = 20;  ///< images that the model needs: fewer are repeated, or variances stay at their guess
+constexpr double kMinShare = 5e-4;           ///< of the image: the smallest person
 constexpr double kHoleShare = 2e-3;          ///< of the person: the smallest hole; smaller ones are gaps
 constexpr double kSizeOfGaps = 1.0 / 140.0;  ///< of the image's longer side
 constexpr int kHistory = 500;                // images
@@ -32,7 +32,7 @@ constexpr double kLogRange = 0.25, kLogStep = 0.005;
 constexpr int kBins = 2 * static_cast<int>(kLogRange / kLogStep) + 1, kReach = 3;
 constexpr int kSampleStep = 3;
 constexpr int kDarkest = 25, kBrightest = 245;  ///< of the compared pixels: noise below, clipped values above
-constexpr double kSmallestAgreement = 0.1;      ///< of the compared pixels
+constexpr double kMinAgreement = 0.1;           ///< of the compared pixels
 
 using Histogram = std::array<double, kBins>;
 
@@ -51,7 +51,7 @@ double common_ratio(const Histogram& votes) {
     if (sum_around(votes, bin) > sum_around(votes, best)) best = bin;
   }
   const double agreed = sum_around(votes, best);
-  if (agreed <= kSmallestAgreement * total) return 1.0;
+  if (agreed <= kMinAgreement * total) return 1.0;
   double mean = 0.0;
   for (int i = std::max(0, best - kReach); i <= std::min(kBins - 1, best + kReach); ++i)
     mean += votes[i] / agreed * (i * kLogStep - kLogRange);
@@ -101,7 +101,7 @@ cv::Mat clean(const cv::Mat& found, int gap) {
   cv::medianBlur(found(box), mask, 3);
   if (gap > 1) cv::morphologyEx(mask, mask, cv::MORPH_CLOSE, disc(gap));
   mask = largest_component(mask);
-  if (cv::countNonZero(mask) < kSmallestShare * static_cast<double>(found.total())) return result;
+  if (cv::countNonZero(mask) < kMinShare * static_cast<double>(found.total())) return result;
   fill_small_holes(mask);
   mask.copyTo(result(box));
   return result;
@@ -244,7 +244,7 @@ struct BackgroundModel::Impl {
 
   void finish_learning() {
     if (!empty.empty()) return;
-    for (int i = 0; shown < kFewest; ++i) show(few[as_size(i) % few.size()]);
+    for (int i = 0; shown < kMinImages; ++i) show(few[as_size(i) % few.size()]);
     few.clear();
     empty = model.empty_scene();
   }
@@ -269,7 +269,7 @@ void BackgroundModel::learn(const cv::Mat& image) {
   impl_->size = image.size();
   ++impl_->learnt;
   impl_->show(image);
-  if (impl_->few.size() < kFewest) impl_->few.push_back(image.clone());
+  if (impl_->few.size() < kMinImages) impl_->few.push_back(image.clone());
 }
 
 cv::Mat BackgroundModel::mask(const cv::Mat& image) {

@@ -112,10 +112,10 @@ void ImageNetwork::choose_outputs() {
   const std::vector<int> layers = net_.getUnconnectedOutLayers();
   names_ = options_.outputs.empty() ? found : options_.outputs;
   for (const std::string& name : names_) {
-    const auto place = std::find(found.begin(), found.end(), name);
-    if (place == found.end())
+    const auto entry = std::find(found.begin(), found.end(), name);
+    if (entry == found.end())
       fail_at({files(), 0}, "has no output '{}', which `outputs` names; it has {}", name, fmt::join(found, ", "));
-    operators_.push_back(operator_of(layers[place - found.begin()]));
+    operators_.push_back(operator_of(layers[entry - found.begin()]));
   }
 }
 

@@ -31,7 +31,7 @@ const Words<PeakRefinement> kRefinements{{"none", "quarter", "parabola", "dark"}
 const Words<MaskActivation> kActivations{{"auto", "sigmoid", "softmax", "none"}};
 const std::vector<std::string> kValueWords{"x", "y", "score", "logit", "skip"};
 constexpr double kMaxColour = 255.0;
-constexpr int kMostConfigs = 4;  ///< files that name each other as `config`, one after the other
+constexpr int kMaxConfigs = 4;  ///< files that name each other as `config`, one after the other
 
 template <typename T>
 void read_word(const ConfigReader& reader, const std::string& key, const Words<T>& words, T& value) {
@@ -129,10 +129,10 @@ PersonNetworkOptions read_base(const ConfigReader& reader, int depth) {
     reader.fail_at_key("config", "'{}' is neither a file nor one of {}", name,
                        fmt::join(builtin_network_configs(), ", "));
   if (fs::equivalent(file, reader.where().file)) reader.fail_at_key("config", "names the file itself");
-  if (depth >= kMostConfigs)
+  if (depth >= kMaxConfigs)
     reader.fail_at_key("config",
                        "'{}' is file {} in a row that names another one, allowed are {}; do they form a circle?", name,
-                       depth + 1, kMostConfigs);
+                       depth + 1, kMaxConfigs);
   return load_network(file.string(), depth);
 }
 

@@ -12,8 +12,8 @@ namespace {
 using onnx::Node;
 using onnx::Tensor;
 
-constexpr std::int64_t kMaxRow = 2048;        ///< numbers of a row that becomes a diagonal matrix: 16 MB
-constexpr std::size_t kMostAdded = 40 << 20;  ///< bytes of these matrices; what comes after them stays as it is
+constexpr std::int64_t kMaxRow = 2048;            ///< numbers of a row that becomes a diagonal matrix: 16 MB
+constexpr std::size_t kMaxAddedBytes = 40 << 20;  ///< bytes of these matrices; what comes after them stays as it is
 
 /// Edits the nodes of a graph one by one.
 class GraphEdit {
@@ -81,7 +81,7 @@ class GraphEdit {
     const bool only_rows = std::all_of(dims.begin(), dims.end() - std::min<std::ptrdiff_t>(2, std::ssize(dims)),
                                        [](std::int64_t size) { return size == 1; });
     if (!only_rows || row < 2 || row * count > kMaxRow) return false;
-    if (added_bytes_ + sizeof(float) * as_size(row * row * count) > kMostAdded) return false;
+    if (added_bytes_ + sizeof(float) * as_size(row * row * count) > kMaxAddedBytes) return false;
     if (count == 1) {
       append({"MatMul", node.name, {other, add_diagonals(node, constant, row, 1)}, node.outputs, {}}, text);
       return true;

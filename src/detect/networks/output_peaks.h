@@ -6,7 +6,7 @@
 
 namespace doppel {
 
-/// The place of entry `index` of `count` on an input of `pixels` pixels. See OutputGrid.
+/// The position of entry `index` of `count` on an input of `pixels` pixels. See OutputGrid.
 double grid_position(double index, int count, int pixels, OutputGrid grid);
 
 /// The largest entry of a heatmap and its refined index; the centre of the first entry is (0, 0). The score is the

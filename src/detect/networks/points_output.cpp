@@ -58,8 +58,8 @@ class PointsAdapter : public OutputAdapter {
     NetworkPoint point{{0.0, 0.0}, 1.0};
     for (std::size_t i = 0; i < values.size(); ++i) {
       const double number = numbers[i];
-      if (values[i] == "x") point.position.x() = place(number, input.width);
-      if (values[i] == "y") point.position.y() = place(number, input.height);
+      if (values[i] == "x") point.position.x() = position(number, input.width);
+      if (values[i] == "y") point.position.y() = position(number, input.height);
       if (values[i] == "score") point.score = number;
       if (values[i] == "logit") point.score = sigmoid(number);
     }
@@ -67,7 +67,7 @@ class PointsAdapter : public OutputAdapter {
   }
 
   /// Pixels count like the entries of a grid with one entry by pixel, except that cells begin at their corner.
-  double place(double number, int pixels) const {
+  double position(double number, int pixels) const {
     if (grid_ == OutputGrid::cells) return fractions_ ? number * pixels : number;
     if (!fractions_) return number + 0.5;
     return grid_ == OutputGrid::samples ? number * pixels + 0.5 : number * (pixels - 1) + 0.5;

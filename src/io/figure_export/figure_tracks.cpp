@@ -101,8 +101,9 @@ FigureError figure_error(const Figure& figure, const FigureClip& clip, const Mor
       for (int k = 0; k < morphs.count(); ++k)
         rest += tracks.weights(static_cast<Eigen::Index>(t), k) *
                 morphs.targets[k].row(static_cast<Eigen::Index>(v)).cast<double>().transpose();
-      const float* truth = &clip.vertices[t][3 * v];
-      const double distance = 1000.0 * (blended[v] * rest - Eigen::Vector3d(truth[0], truth[1], truth[2])).norm();
+      const float* ground_truth = &clip.vertices[t][3 * v];
+      const double distance =
+          1000.0 * (blended[v] * rest - Eigen::Vector3d(ground_truth[0], ground_truth[1], ground_truth[2])).norm();
       sum += distance;
       error.worst = std::max(error.worst, distance);
     }

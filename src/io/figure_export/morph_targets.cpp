@@ -13,10 +13,10 @@ constexpr int kSnapshots = 512;
 /// Damping of the inverse of a blended matrix, which is nearly singular where a limb is twisted by half a turn.
 constexpr double kDamping = 1e-3;
 /// Components below this share of the largest are noise.
-constexpr double kLeastShare = 1e-9;
+constexpr double kMinShare = 1e-9;
 /// A segment of the clip with a larger error is halved: metres.
-constexpr double kLargestError = 0.005;
-constexpr int kMostTargets = 256;
+constexpr double kMaxError = 0.005;
+constexpr int kMaxTargets = 256;
 
 Eigen::Vector3d vertex_of(const std::vector<float>& vertices, std::size_t v) {
   return {vertices[3 * v], vertices[3 * v + 1], vertices[3 * v + 2]};
@@ -43,7 +43,7 @@ Eigen::MatrixXf components_of(const Eigen::MatrixXf& snapshots, int count) {
   const Eigen::Index last = gram.rows() - 1;
   const double largest = std::max(solver.eigenvalues()(last), 0.0);
   int used = 0;
-  while (used < count && used <= last && solver.eigenvalues()(last - used) > std::max(largest * kLeastShare, 1e-12))
+  while (used < count && used <= last && solver.eigenvalues()(last - used) > std::max(largest * kMinShare, 1e-12))
     ++used;
   Eigen::MatrixXf components(snapshots.rows(), used);
   for (int k = 0; k < used; ++k)
@@ -161,7 +161,7 @@ MorphTargets fit_morphs(const Figure& figure, const Skeleton& skeleton, const Fi
     open.pop_back();
     const Segment segment = fit.fit(first, last, count);
     const int planned = morphs.count() + count * static_cast<int>(open.size() + 2);
-    if (segment.worst > kLargestError && last - first > count && planned <= kMostTargets) {
+    if (segment.worst > kMaxError && last - first > count && planned <= kMaxTargets) {
       const int middle = (first + last) / 2;
       open.emplace_back(middle, last);
       open.emplace_back(first, middle);

@@ -14,7 +14,7 @@ namespace doppel {
 
 namespace {
 
-constexpr std::size_t kFewestPairs = 5;
+constexpr std::size_t kMinPairs = 5;
 using Landmarks = std::array<int, kBodyLandmarks.size()>;
 
 int landmark(const std::string& name) {
@@ -25,12 +25,12 @@ int landmark(const std::string& name) {
 std::vector<RigJoint> bones_of_skeleton(const Skeleton& skeleton, const std::vector<double>& rest_dofs) {
   const auto rest = skeleton.pose(rest_dofs);
   std::vector<RigJoint> bones;
-  std::map<std::string, int> place;
+  std::map<std::string, int> index_of;
   std::vector<int> bone_of;  // of each joint
   for (int j = 0; j < skeleton.num_joints(); ++j) {
     const Joint& joint = skeleton.joints[j];
     const std::string name = bone_name(joint.name);
-    const auto [found, is_new] = place.emplace(name, static_cast<int>(bones.size()));
+    const auto [found, is_new] = index_of.emplace(name, static_cast<int>(bones.size()));
     bone_of.push_back(found->second);
     const Eigen::Vector3d position = rest[j].translation();
     if (is_new)
@@ -116,7 +116,7 @@ JointMap landmark_joint_map(const Skeleton& skeleton, const std::vector<double>&
   for (std::size_t i = kBodyLandmarks.size(); i-- > 0;)
     if (here[i] >= 0 && is_below(ours, here[i], root)) pair(here[i], there[i]);
   const bool leg = taken_here.count(here[landmark("left_knee")]) != 0;
-  if (map.pairs.size() < kFewestPairs || !leg || taken_here.count(root) == 0)
+  if (map.pairs.size() < kMinPairs || !leg || taken_here.count(root) == 0)
     fail<UsageError>(
         "{} joints of the motion are recognised as those of a body; needed are the pelvis, a leg and more. Write a "
         "joint map (--map). Joints of the character: {}. Joints of the motion: {}",

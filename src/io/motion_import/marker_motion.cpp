@@ -21,9 +21,9 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Track = std::vector<std::optional<Vector3d>>;  ///< [F] metres
 
-constexpr long kMostMarkerFrames = 200'000;
-constexpr double kLongestFilled = 0.5;  ///< seconds
-constexpr std::size_t kFewestJoints = 6;
+constexpr long kMaxMarkerFrames = 200'000;
+constexpr double kMaxFilledSeconds = 0.5;  ///< seconds
+constexpr std::size_t kMinJoints = 6;
 /// Cosine from which the way from the feet to the head counts as vertical.
 constexpr double kClearlyUp = 0.8;
 /// Metres per radian: the rotations of a figure of points follow from its points, and only settle the twist.
@@ -56,9 +56,9 @@ void hold_ends(Track& track) {
   std::fill(track.rbegin(), last, *last);
 }
 
-Vector3d rest_place(const std::string& name) {
+Vector3d rest_position(const std::string& name) {
   // The pelvis of points is the middle of the hips, or of markers around it.
-  if (name == "pelvis") return 0.5 * (rest_place("left_hip") + rest_place("right_hip"));
+  if (name == "pelvis") return 0.5 * (rest_position("left_hip") + rest_position("right_hip"));
   std::string figure = name;
   if (name.ends_with("_toe")) figure = name.substr(0, name.size() - 3) + "foot";
   for (const FigureJoint& joint : rest_figure())
@@ -72,7 +72,7 @@ struct PointJoint {
   int parent = -1;  ///< PointJoint
   Track track;
   std::vector<int> children;
-  Vector3d rest = Vector3d::Zero();  ///< place in the rest pose
+  Vector3d rest = Vector3d::Zero();  ///< position in the rest pose
 };
 
 class PointFigure {
@@ -82,9 +82,9 @@ class PointFigure {
     if (!(rate_ > 0)) rate_ = options.frames_per_second;
     if (!(rate_ > 0)) fail("the file states no frame rate; give it with --source-fps");
     const long frames = points.frames.rbegin()->first - points.frames.begin()->first + 1;
-    if (frames > kMostMarkerFrames)
+    if (frames > kMaxMarkerFrames)
       fail("the frames {} to {} are more than {}, which is the most that are read", points.frames.begin()->first,
-           points.frames.rbegin()->first, kMostMarkerFrames);
+           points.frames.rbegin()->first, kMaxMarkerFrames);
     gather(points, as_size(frames));
     turn_upright(points, options);
     fill();
@@ -113,7 +113,7 @@ class PointFigure {
   void fill();
   void build_rest();
   std::vector<Eigen::Affine3d> pose(std::size_t frame) const;
-  Matrix3d rotation(std::size_t joint, const std::vector<Vector3d>& places, const Matrix3d& above) const;
+  Matrix3d rotation(std::size_t joint, const std::vector<Vector3d>& positions, const Matrix3d& above) const;
   const PointJoint* find(const std::string& name) const {
     const auto found =
         std::find_if(joints_.begin(), joints_.end(), [&](const PointJoint& joint) { return joint.name == name; });
@@ -161,7 +161,7 @@ void PointFigure::gather(const SpacePoints& points, std::size_t frames) {
 
 void PointFigure::require_body(const SpacePoints& points) const {
   const bool knee = find("left_knee") || find("right_knee");
-  if (find("pelvis") && knee && joints_.size() >= kFewestJoints) return;
+  if (find("pelvis") && knee && joints_.size() >= kMinJoints) return;
   std::vector<std::string> found;
   for (const PointJoint& joint : joints_) found.push_back(joint.name);
   fail(
@@ -207,7 +207,7 @@ void PointFigure::fill() {
   long filled = 0;
   for (PointJoint& joint : joints_) {
     const bool root = joint.parent < 0;
-    const double longest = root ? static_cast<double>(joint.track.size()) : std::floor(kLongestFilled * rate_);
+    const double longest = root ? static_cast<double>(joint.track.size()) : std::floor(kMaxFilledSeconds * rate_);
     filled += fill_gaps(joint.track, as_size(longest));
     if (root) hold_ends(joint.track);
   }
@@ -225,7 +225,7 @@ void PointFigure::build_rest() {
       std::vector<double> lengths;
       for (std::size_t f = 0; f < joint.track.size(); ++f)
         if (joint.track[f] && above.track[f]) lengths.push_back((*joint.track[f] - *above.track[f]).norm());
-      const Vector3d way = rest_place(joint.name) - rest_place(above.name);
+      const Vector3d way = rest_position(joint.name) - rest_position(above.name);
       double length = way.norm();
       if (!lengths.empty()) {
         const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
@@ -239,23 +239,24 @@ void PointFigure::build_rest() {
   for (PointJoint& joint : joints_) joint.rest.y() -= lowest;
 }
 
-/// World from joint. A joint without a point keeps its rest place in the joint above.
+/// World from joint. A joint without a point keeps its rest position in the joint above.
 std::vector<Eigen::Affine3d> PointFigure::pose(std::size_t frame) const {
-  std::vector<Vector3d> places;
-  for (const PointJoint& joint : joints_) places.push_back(joint.track[frame].value_or(Vector3d::Constant(NAN)));
+  std::vector<Vector3d> positions;
+  for (const PointJoint& joint : joints_) positions.push_back(joint.track[frame].value_or(Vector3d::Constant(NAN)));
   std::vector<Eigen::Affine3d> world;
   for (std::size_t j = 0; j < joints_.size(); ++j) {
     const PointJoint& joint = joints_[j];
     const Matrix3d above = joint.parent < 0 ? Matrix3d::Identity() : Matrix3d(world[joint.parent].linear());
-    if (places[j].hasNaN()) places[j] = places[joint.parent] + above * (joint.rest - joints_[joint.parent].rest);
-    world.emplace_back(Eigen::Translation3d(places[j]));
-    world.back().linear() = rotation(j, places, above);
+    if (positions[j].hasNaN())
+      positions[j] = positions[joint.parent] + above * (joint.rest - joints_[joint.parent].rest);
+    world.emplace_back(Eigen::Translation3d(positions[j]));
+    world.back().linear() = rotation(j, positions, above);
   }
   return world;
 }
 
 /// The rotation of a joint since the rest pose, by its bones to the joints below whose points are found.
-Matrix3d PointFigure::rotation(std::size_t index, const std::vector<Vector3d>& places, const Matrix3d& above) const {
+Matrix3d PointFigure::rotation(std::size_t index, const std::vector<Vector3d>& positions, const Matrix3d& above) const {
   const PointJoint& joint = joints_[index];
   Eigen::Matrix3Xd from(3, 0), to(3, 0);
   const auto add = [&](const Vector3d& rest, const Vector3d& now) {
@@ -264,10 +265,10 @@ Matrix3d PointFigure::rotation(std::size_t index, const std::vector<Vector3d>& p
     from.rightCols(1) = rest;
     to.rightCols(1) = now;
   };
-  const auto direction = [&](int a, int b) -> Vector3d { return (places[b] - places[a]).normalized(); };
+  const auto direction = [&](int a, int b) -> Vector3d { return (positions[b] - positions[a]).normalized(); };
   int below = -1;
   for (const int child : joint.children) {
-    if (places[child].hasNaN()) continue;
+    if (positions[child].hasNaN()) continue;
     const Vector3d bone = joints_[child].rest - joint.rest;
     const Vector3d now = direction(static_cast<int>(index), child);
     if (bone.norm() < kNoBone || now.isZero()) continue;
@@ -280,7 +281,7 @@ Matrix3d PointFigure::rotation(std::size_t index, const std::vector<Vector3d>& p
   const std::vector<int>& next = joints_[below].children;
   const bool thigh = joints_[below].name.ends_with("_knee");
   const bool limb = thigh || joints_[below].name.ends_with("_elbow");
-  if (!limb || next.empty() || places[next[0]].hasNaN()) return swing;
+  if (!limb || next.empty() || positions[next[0]].hasNaN()) return swing;
   // The axis of a bent knee or elbow, whose rest axis is that of a bend from the T-pose.
   const Vector3d now = direction(static_cast<int>(index), below).cross(direction(below, next[0]));
   const Vector3d bend(0, 0, thigh ? -1 : 1);

@@ -48,11 +48,11 @@ std::string with_side(std::string pattern, bool left) {
 }
 
 /// The points of a choice; nothing unless all of them are there.
-std::vector<int> points_of(const MarkerChoice& choice, bool left, const std::map<std::string, int>& place) {
+std::vector<int> points_of(const MarkerChoice& choice, bool left, const std::map<std::string, int>& index_of) {
   std::vector<int> points;
   for (const std::string& pattern : choice.names) {
-    const auto found = place.find(with_side(pattern, left));
-    if (found == place.end()) return {};
+    const auto found = index_of.find(with_side(pattern, left));
+    if (found == index_of.end()) return {};
     points.push_back(found->second);
   }
   return points;
@@ -61,10 +61,10 @@ std::vector<int> points_of(const MarkerChoice& choice, bool left, const std::map
 }  // namespace
 
 std::array<std::vector<int>, kMarkerJoints.size()> match_markers(const std::vector<std::string>& names, bool& on_skin) {
-  std::map<std::string, int> place;
+  std::map<std::string, int> index_of;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const std::string name = names[i].substr(names[i].rfind(':') + 1);
-    place.emplace(landmark_key(name), static_cast<int>(i));
+    index_of.emplace(landmark_key(name), static_cast<int>(i));
   }
   on_skin = false;
   std::array<std::vector<int>, kMarkerJoints.size()> points;
@@ -73,7 +73,7 @@ std::array<std::vector<int>, kMarkerJoints.size()> match_markers(const std::vect
     const bool left = name.rfind("left_", 0) == 0, right = name.rfind("right_", 0) == 0;
     const std::string part = left || right ? name.substr(name.find('_') + 1) : name;
     for (const MarkerChoice& choice : marker_choices().at(part)) {
-      points[j] = points_of(choice, left, place);
+      points[j] = points_of(choice, left, index_of);
       if (points[j].empty()) continue;
       on_skin = on_skin || choice.on_skin;
       break;

@@ -7,7 +7,7 @@
 
 namespace doppel {
 
-/// The joints of a body that points of detectors and markers show: the index of each is its place in kMarkerJoints.
+/// The joints of a body that points of detectors and markers show: the index of each is its position in kMarkerJoints.
 /// Parents first.
 struct MarkerJoint {
   const char* name;

@@ -17,9 +17,9 @@ namespace {
 constexpr std::size_t kEndMark = 0x06054b50, kEndLength = 22;
 constexpr std::size_t kDirectoryMark = 0x02014b50, kDirectoryLength = 46;
 constexpr std::size_t kLocalMark = 0x04034b50, kLocalLength = 30;
-constexpr std::size_t kLongestComment = 65535;
+constexpr std::size_t kMaxCommentBytes = 65535;
 constexpr int kEncrypted = 1, kStored = 0, kDeflated = 8;
-constexpr std::size_t kMostUnpacked = std::size_t{1} << 29;
+constexpr std::size_t kMaxUnpackedBytes = std::size_t{1} << 29;
 /// Deflate cannot pack better than this.
 constexpr std::size_t kBestRatio = 1032;
 
@@ -51,7 +51,7 @@ void NpzFile::read_directory() {
   // The record of the end is the last with its mark whose comment reaches the end of the file.
   std::size_t end = std::string::npos;
   const std::size_t last = bytes_.size() < kEndLength ? 0 : bytes_.size() - kEndLength;
-  for (std::size_t back = 0; back <= std::min(last, kLongestComment) && end == std::string::npos; ++back)
+  for (std::size_t back = 0; back <= std::min(last, kMaxCommentBytes) && end == std::string::npos; ++back)
     if (number(last - back, 4) == kEndMark && number(last - back + 20, 2) == back) end = last - back;
   if (end == std::string::npos)
     fail_at(where_, "reading the .npz file: its directory, which stands at the end, is missing; the file is truncated");
@@ -97,9 +97,9 @@ std::string NpzFile::unpack(const Entry& entry, const FileLocation& where) const
     fail_at(where, "is packed by method {}; allowed are 0 (stored) and 8 (deflated), as NumPy writes", entry.method);
   // Checked before memory is taken: a small file cannot claim a large array.
   const std::size_t most = entry.method == kStored ? packed.size() : kBestRatio * packed.size() + 64;
-  if (entry.unpacked > kMostUnpacked || entry.unpacked > most)
+  if (entry.unpacked > kMaxUnpackedBytes || entry.unpacked > most)
     fail_at(where, "claims {} bytes unpacked from {}; at most {} are read", entry.unpacked, packed.size(),
-            std::min(kMostUnpacked, most));
+            std::min(kMaxUnpackedBytes, most));
   std::string bytes(entry.unpacked, '\0');
   std::size_t written = 0;
   if (entry.method == kStored) {

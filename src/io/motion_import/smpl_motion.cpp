@@ -18,7 +18,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::size_t kMostSmplFrames = 200'000;
+constexpr std::size_t kMaxSmplFrames = 200'000;
 /// Cosine from which the trunk counts as upright on average.
 constexpr double kUpright = 0.7;
 
@@ -39,12 +39,12 @@ Rows read_rows(const NpzFile& file, const std::string& name) {
             fmt::join(array.shape, ", "));
   Rows rows;
   rows.frames = as_size(array.shape[0]);
-  if (rows.frames == 0 || rows.frames > kMostSmplFrames)
-    fail_at(file.where(), "'{}' has {} frames; 1 to {} are read", name, rows.frames, kMostSmplFrames);
-  constexpr std::int64_t kWidest = 1000;
-  if (array.size() / array.shape[0] > kWidest)
+  if (rows.frames == 0 || rows.frames > kMaxSmplFrames)
+    fail_at(file.where(), "'{}' has {} frames; 1 to {} are read", name, rows.frames, kMaxSmplFrames);
+  constexpr std::int64_t kMaxWidth = 1000;
+  if (array.size() / array.shape[0] > kMaxWidth)
     fail_at(file.where(), "'{}' has {} numbers in a frame; at most {} are read", name, array.size() / array.shape[0],
-            kWidest);
+            kMaxWidth);
   rows.values = array.as<double>();
   rows.width = rows.values.size() / rows.frames;
   const auto bad = std::find_if(rows.values.begin(), rows.values.end(), [](double x) { return !std::isfinite(x); });
@@ -87,19 +87,19 @@ Rows read_poses(const NpzFile& file) {
   return poses;
 }
 
-Rows read_places(const NpzFile& file, std::size_t frames, std::vector<std::string>& notes) {
+Rows read_translations(const NpzFile& file, std::size_t frames, std::vector<std::string>& notes) {
   const std::string name = file.has("trans") ? "trans" : "transl";
   if (!file.has(name)) {
     notes.push_back("the file has no 'trans', so the body stays in place");
     return {frames, 3, std::vector<double>(3 * frames, 0.0)};
   }
-  Rows places = read_rows(file, name);
-  if (places.frames != frames || places.width != 3)
-    fail_at(file.where(), "'{}' has {} rows of {} numbers; the poses need {} rows of 3", name, places.frames,
-            places.width, frames);
-  for (const double x : places.values)
+  Rows translations = read_rows(file, name);
+  if (translations.frames != frames || translations.width != 3)
+    fail_at(file.where(), "'{}' has {} rows of {} numbers; the poses need {} rows of 3", name, translations.frames,
+            translations.width, frames);
+  for (const double x : translations.values)
     if (std::abs(x) > 1e5) fail_at(file.where(), "'{}' holds {} m; a body within 100 km is expected", name, x);
-  return places;
+  return translations;
 }
 
 double read_rate(const NpzFile& file, double given) {
@@ -118,7 +118,7 @@ double read_rate(const NpzFile& file, double given) {
 }
 
 /// World from joint of one frame, in the file's axes.
-std::vector<Eigen::Affine3d> posed_figure(const Rows& poses, std::size_t frame, const Vector3d& place) {
+std::vector<Eigen::Affine3d> posed_figure(const Rows& poses, std::size_t frame, const Vector3d& translation) {
   std::vector<Eigen::Affine3d> world;
   for (std::size_t j = 0; j < rest_figure().size(); ++j) {
     const FigureJoint& joint = rest_figure()[j];
@@ -128,7 +128,7 @@ std::vector<Eigen::Affine3d> posed_figure(const Rows& poses, std::size_t frame, 
         Eigen::AngleAxisd(angle, angle > 0 ? Vector3d(turn / angle) : Vector3d::UnitX()).toRotationMatrix();
     Eigen::Affine3d local = Eigen::Affine3d::Identity();
     local.linear() = rotation;
-    local.translation() = joint.parent < 0 ? place : joint.position - rest_figure()[joint.parent].position;
+    local.translation() = joint.parent < 0 ? translation : joint.position - rest_figure()[joint.parent].position;
     world.push_back(joint.parent < 0 ? local : world[joint.parent] * local);
   }
   return world;
@@ -160,12 +160,12 @@ void turn_upright(JointTracks& tracks, std::optional<char> up, std::vector<std::
 /// Moves the body vertically until its lowest joint, but for the lowest fiftieth of the frames, is as high as the joint
 /// of a foot above its sole.
 void stand_on_floor(JointTracks& tracks, std::vector<std::string>& notes) {
-  constexpr double kHighestSole = 0.07;
+  constexpr double kMaxSoleHeight = 0.07;
   std::vector<double> lowest;
   for (const auto& frame : tracks.frames) {
     double low = HUGE_VAL;
     for (std::size_t j = 0; j < frame.size(); ++j)
-      low = std::min(low, frame[j].translation().y() - std::min(rest_figure()[j].position.y(), kHighestSole));
+      low = std::min(low, frame[j].translation().y() - std::min(rest_figure()[j].position.y(), kMaxSoleHeight));
     lowest.push_back(low);
   }
   const auto nth = lowest.begin() + static_cast<std::ptrdiff_t>(lowest.size() / 50);
@@ -183,7 +183,7 @@ SourceMotion read_smpl_motion(const std::filesystem::path& path, const MotionSou
   const NpzFile file(path);
   const Rows poses = read_poses(file);
   SourceMotion motion;
-  const Rows places = read_places(file, poses.frames, motion.notes);
+  const Rows translations = read_translations(file, poses.frames, motion.notes);
   JointTracks& tracks = motion.tracks;
   tracks.seconds_per_frame = 1.0 / read_rate(file, options.frames_per_second);
   for (const FigureJoint& joint : rest_figure()) {
@@ -191,7 +191,8 @@ SourceMotion read_smpl_motion(const std::filesystem::path& path, const MotionSou
     tracks.parents.push_back(joint.parent);
     tracks.rest.emplace_back(Eigen::Translation3d(joint.position));
   }
-  for (std::size_t f = 0; f < poses.frames; ++f) tracks.frames.push_back(posed_figure(poses, f, places.vector(f, 0)));
+  for (std::size_t f = 0; f < poses.frames; ++f)
+    tracks.frames.push_back(posed_figure(poses, f, translations.vector(f, 0)));
   turn_upright(tracks, options.up, motion.notes);
   stand_on_floor(tracks, motion.notes);
   return motion;

@@ -25,7 +25,7 @@ using VertexWeights = std::vector<std::pair<int, double>>;  // (joint, weight), 
 /// The animations that are not imported are sampled at this rate to learn which translations the joints need.
 constexpr double kProbeRate = 60.0;
 constexpr double kDensestRate = 600.0, kSparsestRate = 100.0;
-constexpr double kMostDenseFrames = 1500;
+constexpr double kMaxDenseFrames = 1500;
 
 /// A name that `.skeleton` and `.skin` files can hold: without blanks, and without `_`, which ends a bone's name.
 std::string bone_of(const std::string& name, std::set<std::string>& taken) {
@@ -56,7 +56,7 @@ class RigImporter {
     rig_.warnings = scene_.warnings;
     rig_.warnings.insert(rig_.warnings.end(), plan_.warnings.begin(), plan_.warnings.end());
     const std::vector<const SceneAnimation*> wanted = wanted_animations();
-    place_surface();
+    fix_surface();
     name_joints();
     sample(wanted);
     build_character();
@@ -67,8 +67,8 @@ class RigImporter {
 
  private:
   std::vector<const SceneAnimation*> wanted_animations() const;
-  void place_surface();
-  std::vector<Eigen::Vector3d> place_vertices(Scene& surface);
+  void fix_surface();
+  std::vector<Eigen::Vector3d> bound_vertices(Scene& surface);
   void name_joints();
   void sample(const std::vector<const SceneAnimation*>& wanted);
   void build_character();
@@ -105,7 +105,7 @@ std::vector<const SceneAnimation*> RigImporter::wanted_animations() const {
 }
 
 /// Vertices of all parts that belong to the rig, in the bind pose and the scene's coordinates.
-std::vector<Eigen::Vector3d> RigImporter::place_vertices(Scene& surface) {
+std::vector<Eigen::Vector3d> RigImporter::bound_vertices(Scene& surface) {
   std::vector<Eigen::Vector3d> placed;
   int first = 0;
   for (std::size_t p = 0; p < scene_.primitives.size(); ++p) {
@@ -133,10 +133,10 @@ std::vector<Eigen::Vector3d> RigImporter::place_vertices(Scene& surface) {
   return placed;
 }
 
-void RigImporter::place_surface() {
+void RigImporter::fix_surface() {
   Scene surface;
   surface.materials = scene_.materials;
-  std::vector<Eigen::Vector3d> placed = place_vertices(surface);
+  std::vector<Eigen::Vector3d> placed = bound_vertices(surface);
   if (placed.empty()) fail("no part of the surface hangs on the rig");
   character_from_scene_ = character_from_scene(scene_, placed, options_.metres_per_unit, options_.up, rig_.warnings);
   rig_.file_from_character = character_from_scene_.inverse();
@@ -239,10 +239,10 @@ double RigImporter::error_of(const SceneAnimation& animation, const ImportedMoti
   double largest = 0.0;
   for (const int frame : {0, last / 4, last / 2, 3 * last / 4, last}) {
     const auto world = node_transforms(scene_, animation, motion.start + frame / motion.frames_per_second);
-    const std::vector<Eigen::Vector3d> truth = posed_vertices(scene_, world);
+    const std::vector<Eigen::Vector3d> ground_truth = posed_vertices(scene_, world);
     const std::vector<Eigen::Vector3d> posed = posed_vertices(character, motion.motion.frames[frame]);
     for (std::size_t v = 0; v < posed.size(); ++v)
-      largest = std::max(largest, (posed[v] - character_from_scene_ * truth[rig_.vertex_map[v]]).norm());
+      largest = std::max(largest, (posed[v] - character_from_scene_ * ground_truth[rig_.vertex_map[v]]).norm());
   }
   return largest;
 }
@@ -298,7 +298,7 @@ double sampling_rate(const SceneAnimation& animation) {
   if (keys == 0.0) return std::max(1.0, std::round(duration * 2 * kSparsestRate)) / duration;
   double rate = keys * std::ceil(kSparsestRate / keys);
   for (double dense = kDensestRate; dense > rate; dense -= keys)
-    if (std::fmod(dense, keys) == 0.0 && dense * duration <= kMostDenseFrames) return dense;
+    if (std::fmod(dense, keys) == 0.0 && dense * duration <= kMaxDenseFrames) return dense;
   return rate;
 }
 

@@ -11,7 +11,7 @@ namespace doppel {
 namespace {
 
 /// Height of a person, metres; outside it the unit is doubtful.
-constexpr double kSmallestPerson = 0.5, kTallestPerson = 2.5;
+constexpr double kMinPerson = 0.5, kMaxPerson = 2.5;
 
 double height_of(const std::vector<Eigen::Vector3d>& vertices, const Eigen::Vector3d& up) {
   double low = INFINITY, high = -INFINITY;
@@ -32,9 +32,9 @@ Eigen::Affine3d character_from_scene(const Scene& scene, const std::vector<Eigen
   if (!(height > 0)) fail("the figure has no height, so its unit and its posture are unknown");
   double unit = metres_per_unit ? *metres_per_unit : scene.metres_per_unit.value_or(0.0);
   for (const double candidate : {1.0, 0.01, 0.001, 0.0254})
-    if (unit == 0.0 && height * candidate >= kSmallestPerson && height * candidate <= kTallestPerson) unit = candidate;
+    if (unit == 0.0 && height * candidate >= kMinPerson && height * candidate <= kMaxPerson) unit = candidate;
   if (unit == 0.0) unit = 1.0;
-  if (height * unit < kSmallestPerson || height * unit > kTallestPerson)
+  if (height * unit < kMinPerson || height * unit > kMaxPerson)
     warnings.push_back(fmt::format(
         "the figure is {:.3g} m tall in the unit of {:.4g} m; if that is wrong, give the unit", height * unit, unit));
   Eigen::Affine3d result = Eigen::Affine3d::Identity();

@@ -11,11 +11,11 @@ namespace doppel {
 namespace {
 
 constexpr double kMetresPerTranslationUnit = 0.001;  // DoFs of translations are millimetres, as in Skeletool files
-/// A joint that leaves its place in its parent by more than this has DoFs for it, metres.
+/// A joint that leaves its position in its parent by more than this has DoFs for it, metres.
 constexpr double kStillTranslation = 2e-6;
 
 /// Of one animation: more than two hours at 60 per second. A damaged time of a key asks for any number.
-constexpr long kMostFrames = 500'000;
+constexpr long kMaxFrames = 500'000;
 
 /// The axis about which the joint's bone twists: the one nearest to the direction of its children.
 int twist_axis(const RigPlan& plan, const std::vector<Eigen::Vector3d>& centres, int joint) {
@@ -51,7 +51,7 @@ int add_axis(Skeleton& skeleton, const std::string& name, int parent, const Eige
   return joint;
 }
 
-/// Which translations of a joint leave its place in any sample.
+/// Which translations of a joint leave its position in any sample.
 std::array<bool, 3> moving_axes(const RigPlan& plan, const std::vector<Eigen::Vector3d>& centres,
                                 const std::vector<SampledAnimation>& samples, int joint) {
   Eigen::Vector3d largest = Eigen::Vector3d::Zero();
@@ -92,11 +92,11 @@ SampledAnimation sample_animation(const Scene& scene, const SceneAnimation& anim
   result.start = animation.start < 1.0 && animation.start >= 0.0 ? 0.0 : animation.start;
   const double duration = animation.end - result.start;
   const double count = std::floor(duration * frames_per_second + 1e-3) + 1;
-  if (!(count >= 1 && count <= kMostFrames))
+  if (!(count >= 1 && count <= kMaxFrames))
     fail(
         "animation '{}' lasts from {:.4g} s to {:.4g} s, which is {:.4g} frames at {:.4g} per second; at most {} are "
         "sampled. Correct the times of its keys, or give a lower rate (--fps)",
-        animation.name, result.start, animation.end, count, frames_per_second, kMostFrames);
+        animation.name, result.start, animation.end, count, frames_per_second, kMaxFrames);
   const auto frames = static_cast<long>(count);
   const Eigen::Affine3d back = character_from_scene.inverse();
   std::vector<Eigen::Affine3d> character_from_bind;

@@ -15,7 +15,7 @@ namespace {
 using Affine = Eigen::Affine3d;
 
 /// Ratio of the largest to the smallest stretch above which a joint counts as sheared.
-constexpr double kLargestShear = 1.05;
+constexpr double kMaxShear = 1.05;
 
 bool moves(const SceneNode& node, const SceneChannel& channel) {
   const Eigen::Vector4d rest =
@@ -64,7 +64,7 @@ class Planner {
     choose_root();
     order_joints();
     find_bind_poses();
-    place_parts();
+    bind_parts();
     check_rest();
     return std::move(plan_);
   }
@@ -77,7 +77,7 @@ class Planner {
   void order_joints();
   void find_bind_poses();
   Affine bind_of_skin(const SceneSkin& skin) const;
-  void place_parts();
+  void bind_parts();
   void check_rest();
   int parent(int node) const { return scene_.nodes[node].parent; }
   /// The nearest chosen node from `node` upwards, or -1.
@@ -191,23 +191,23 @@ std::size_t most_agreed(const std::vector<Matrix>& matrices, std::vector<std::si
   return candidates.front();
 }
 
-/// The place of a skin's vertices for which most joints keep them as they are in the rest pose. Where the rest pose is
-/// another pose, few joints agree in all. Then the trunk and the joints that stand as it does agree at least in their
-/// directions, and outvote the bones of a hand.
+/// The position of a skin's vertices for which most joints keep them as they are in the rest pose. Where the rest pose
+/// is another pose, few joints agree in all. Then the trunk and the joints that stand as it does agree at least in
+/// their directions, and outvote the bones of a hand.
 Affine Planner::bind_of_skin(const SceneSkin& skin) const {
-  if (skin.bind_place) return *skin.bind_place;
-  std::vector<Affine> places;
+  if (skin.bind_transform) return *skin.bind_transform;
+  std::vector<Affine> transforms;
   std::vector<Eigen::Matrix3d> directions;
   std::vector<Eigen::Matrix4d> matrices;
   std::vector<std::size_t> candidates;
   for (std::size_t j = 0; j < skin.joints.size(); ++j) {
-    places.push_back(rest_[skin.joints[j]] * skin.joint_from_mesh[j]);
-    directions.emplace_back(places[j].linear());
-    matrices.push_back(places[j].matrix());
+    transforms.push_back(rest_[skin.joints[j]] * skin.joint_from_mesh[j]);
+    directions.emplace_back(transforms[j].linear());
+    matrices.push_back(transforms[j].matrix());
     candidates.push_back(j);
   }
   most_agreed(directions, candidates);
-  return places[most_agreed(matrices, candidates)];
+  return transforms[most_agreed(matrices, candidates)];
 }
 
 void Planner::find_bind_poses() {
@@ -217,21 +217,21 @@ void Planner::find_bind_poses() {
   for (const ScenePrimitive& primitive : scene_.primitives) {
     if (primitive.skin < 0 || primitive.faces.empty()) continue;
     const SceneSkin& skin = scene_.skins[primitive.skin];
-    Affine place = bind_of_skin(skin);
+    Affine transform = bind_of_skin(skin);
     // A second skin stands where it makes the joints that both have coincide.
     for (std::size_t j = 0; j < skin.joints.size(); ++j)
       if (const auto joint = as_size(joint_of_node_.at(skin.joints[j])); known[joint]) {
-        place = plan_.bind[joint] * skin.joint_from_mesh[j];
+        transform = plan_.bind[joint] * skin.joint_from_mesh[j];
         break;
       }
-    plan_.scene_from_skin[primitive.skin] = place;
+    plan_.scene_from_skin[primitive.skin] = transform;
     for (std::size_t j = 0; j < skin.joints.size(); ++j) {
       const auto joint = as_size(joint_of_node_.at(skin.joints[j]));
       if (known[joint]) continue;
       if (!(std::abs(skin.joint_from_mesh[j].linear().determinant()) > 1e-30))
         fail("the inverse bind matrix of joint '{}' is singular, so the joint has no bind pose",
              scene_.nodes[skin.joints[j]].name);
-      plan_.bind[joint] = place * skin.joint_from_mesh[j].inverse();
+      plan_.bind[joint] = transform * skin.joint_from_mesh[j].inverse();
       known[joint] = true;
     }
   }
@@ -248,7 +248,7 @@ void Planner::find_bind_poses() {
   }
 }
 
-void Planner::place_parts() {
+void Planner::bind_parts() {
   for (const ScenePrimitive& primitive : scene_.primitives) {
     const int node = primitive.faces.empty() ? -1 : carrier(primitive.node);
     const bool loose = !primitive.faces.empty() && has_loose_vertices(primitive);
@@ -256,12 +256,12 @@ void Planner::place_parts() {
     // Vertices without weights in a skinned mesh beside the rig follow the root.
     if (loose && joint < 0 && primitive.skin >= 0) joint = 0;
     plan_.part_joint.push_back(loose ? joint : -1);
-    Affine place = Affine::Identity();
+    Affine transform = Affine::Identity();
     if (loose && joint >= 0) {
       const Affine& rest_joint = rest_[plan_.nodes[joint]];
-      place = plan_.bind[joint] * rest_joint.inverse() * rest_[primitive.node];
+      transform = plan_.bind[joint] * rest_joint.inverse() * rest_[primitive.node];
     }
-    plan_.scene_from_part.push_back(place);
+    plan_.scene_from_part.push_back(transform);
     if (loose && joint < 0)
       plan_.warnings.push_back(fmt::format("'{}' (node '{}') hangs on no joint and is left out", primitive.name,
                                            scene_.nodes[primitive.node].name));
@@ -284,7 +284,7 @@ void Planner::check_rest() {
           "joint '{}' is mirrored (negative scale) against its bind pose; apply the scale in the program that made "
           "the file, and export it again",
           name);
-    if (!(stretch[0] <= kLargestShear * stretch[2]))
+    if (!(stretch[0] <= kMaxShear * stretch[2]))
       fail(
           "joint '{}' is sheared against its bind pose (stretched by {:.3g} and {:.3g} in two directions); apply the "
           "scale in the program that made the file, and export it again",

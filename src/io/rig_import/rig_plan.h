@@ -13,9 +13,9 @@ struct RigPlan {
   std::vector<int> nodes;                        ///< [J] parents first; joint 0 is the root
   std::vector<int> parents;                      ///< [J] joint, -1 for the root
   std::vector<Eigen::Affine3d> bind;             ///< [J] world from joint in the bind pose, scene coordinates
-  std::vector<Eigen::Affine3d> scene_from_skin;  ///< [skins] places the vertices of a skin in the bind pose
+  std::vector<Eigen::Affine3d> scene_from_skin;  ///< [skins] moves the vertices of a skin to the bind pose
   std::vector<int> part_joint;                   ///< [primitives] joint that carries what has no weights, or -1
-  std::vector<Eigen::Affine3d> scene_from_part;  ///< [primitives] places that in the bind pose
+  std::vector<Eigen::Affine3d> scene_from_part;  ///< [primitives] moves that to the bind pose
   std::vector<std::string> warnings;
 
   int num_joints() const { return static_cast<int>(nodes.size()); }

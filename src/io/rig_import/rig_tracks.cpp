@@ -16,7 +16,7 @@ namespace doppel {
 namespace {
 
 constexpr double kSlowestTracks = 24.0, kTracksWithoutRate = 30.0;
-constexpr double kMostTrackedPoses = 2e7;
+constexpr double kMaxTrackedPoses = 2e7;
 
 const SceneAnimation& chosen_animation(const Scene& scene, const std::string& name) {
   if (!name.empty()) return find_animation(scene, name);
@@ -76,19 +76,19 @@ RigTracks rig_tracks(const Scene& scene, const RigTracksOptions& options) {
   result.animation = animation.name;
   result.warnings = scene.warnings;
   result.warnings.insert(result.warnings.end(), plan.warnings.begin(), plan.warnings.end());
-  std::vector<Eigen::Vector3d> places;
-  for (const Eigen::Affine3d& bind : plan.bind) places.push_back(bind.translation());
+  std::vector<Eigen::Vector3d> positions;
+  for (const Eigen::Affine3d& bind : plan.bind) positions.push_back(bind.translation());
   const Eigen::Affine3d frame =
-      character_from_scene(scene, places, options.metres_per_unit, options.up, result.warnings);
+      character_from_scene(scene, positions, options.metres_per_unit, options.up, result.warnings);
   const double rate = rate_of_tracks(animation, options.frames_per_second);
   const double duration = animation.end - std::min(animation.start, 0.0);
-  if (!((duration * rate + 1) * plan.num_joints() <= kMostTrackedPoses))
+  if (!((duration * rate + 1) * plan.num_joints() <= kMaxTrackedPoses))
     fail("the animation '{}' lasts {:.4g} s; {} joints at {:.4g} frames per second are more than is read",
          animation.name, duration, plan.num_joints(), rate);
   JointTracks& tracks = result.tracks;
   for (int j = 0; j < plan.num_joints(); ++j) {
     tracks.names.push_back(scene.nodes[plan.nodes[j]].name);
-    tracks.rest.emplace_back(Eigen::Translation3d(frame * places[j]));
+    tracks.rest.emplace_back(Eigen::Translation3d(frame * positions[j]));
   }
   tracks.parents = plan.parents;
   tracks.seconds_per_frame = 1.0 / rate;

@@ -75,8 +75,8 @@ std::optional<double> imported_rate(const fs::path& motion) {
   std::error_code none;
   if (!fs::is_regular_file(list, none)) return std::nullopt;
   const std::string text = read_file(list);
-  constexpr std::size_t kMostDepth = 50;  // copies of a JSON value call themselves for each level
-  const Json report = is_json_deeper_than(text, kMostDepth) ? Json() : Json::parse(text, nullptr, false);
+  constexpr std::size_t kMaxDepth = 50;  // copies of a JSON value call themselves for each level
+  const Json report = is_json_deeper_than(text, kMaxDepth) ? Json() : Json::parse(text, nullptr, false);
   if (!report.is_object() || !report.contains("motions") || !report["motions"].is_array())
     fail_at({list.string(), 0}, "is not the list of motions that `doppel character import` writes");
   for (const Json& entry : report["motions"]) {
@@ -90,7 +90,7 @@ std::optional<double> imported_rate(const fs::path& motion) {
 }
 
 fs::path write_imported_rig(const fs::path& folder, const ImportedRig& rig) {
-  return write_character_folder(folder, rig.character.name, [&](const fs::path& place) { write_all(place, rig); });
+  return write_character_folder(folder, rig.character.name, [&](const fs::path& target) { write_all(target, rig); });
 }
 
 }  // namespace doppel

@@ -15,8 +15,8 @@ namespace doppel {
 
 namespace {
 
-constexpr long kDeepestElements = 200;
-constexpr double kLargestStride = 1000;
+constexpr long kMaxElementDepth = 200;
+constexpr double kMaxStride = 1000;
 
 /// Where the tag that begins at `at` ends; the end of the text for one that does not.
 std::size_t end_of_tag(const std::string& text, std::size_t at) {
@@ -61,8 +61,8 @@ class ColladaGuard {
         --depth;
       else if (second != '!' && second != '?' && text_[end - 1] != '/')
         ++depth;
-      if (depth > kDeepestElements)
-        fail_at(where_, "the elements of the Collada file are nested more than {} deep", kDeepestElements);
+      if (depth > kMaxElementDepth)
+        fail_at(where_, "the elements of the Collada file are nested more than {} deep", kMaxElementDepth);
       if (second != '!' && second != '?') read_tag(std::string_view(text_).substr(at, end - at), end);
       at = end;
     }
@@ -98,9 +98,9 @@ class ColladaGuard {
   void read_tag(std::string_view tag, std::size_t end) {
     const std::string name(tag.substr(1, tag.find_first_of(" \t\r\n/>", 2) - 1));
     const double count = number_of(tag, "count", static_cast<double>(text_.size()), 0);
-    const double stride = number_of(tag, "stride", kLargestStride, 1);
+    const double stride = number_of(tag, "stride", kMaxStride, 1);
     const double offset = number_of(tag, "offset", static_cast<double>(text_.size()), 0);
-    number_of(tag, "set", kLargestStride, 0);
+    number_of(tag, "set", kMaxStride, 0);
     if (name == "source") source_ = id_of(tag, "id");
     if (name.ends_with("_array")) {
       const auto [array, added] = arrays_.try_emplace(id_of(tag, "id"), count);
@@ -108,7 +108,7 @@ class ColladaGuard {
     }
     if (name == "accessor") accessors_[source_].push_back({id_of(tag, "source"), count, stride, offset, 0});
     if (name == "param" && !accessors_[source_].empty()) ++accessors_[source_].back().params;
-    if (name == "input" && offset > kLargestStride)
+    if (name == "input" && offset > kMaxStride)
       fail_at(where_, "an input of the Collada file has the offset {}", offset);
     if (name == "skin") skins_.emplace_back();
     if (name == "input" && !skins_.empty()) read_skin_input(tag);

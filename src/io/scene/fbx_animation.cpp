@@ -16,7 +16,7 @@ namespace {
 constexpr double kTicksPerSecond = 46186158000.0;
 constexpr std::int64_t kConstantKey = 0x2, kCubicKey = 0x8;
 /// Largest angle between two samples of a rotation, degrees: between them the shortest arc replaces the Euler angles.
-constexpr double kLargestTurn = 3.0;
+constexpr double kMaxTurn = 3.0;
 constexpr int kPiecesOfCubic = 16;
 
 /// One number over time.
@@ -97,7 +97,7 @@ std::vector<double> sample_times(const std::array<Curve, 3>& curves, bool angles
       if (curve.cubic(k)) pieces = std::max(pieces, kPiecesOfCubic);
       const double turn = std::abs(curve.at(*next) - curve.at(*key));
       // Half a turn within a piece is a change of the Euler angles, not of the rotation.
-      if (angles && turn < 180.0) pieces = std::max(pieces, static_cast<int>(std::ceil(turn / kLargestTurn)));
+      if (angles && turn < 180.0) pieces = std::max(pieces, static_cast<int>(std::ceil(turn / kMaxTurn)));
     }
     if (times.size() > static_cast<std::size_t>(limits.keys))
       fail("the animations have more than {} keys", limits.keys);

@@ -15,10 +15,10 @@ namespace doppel {
 namespace {
 
 constexpr std::size_t kHeaderBytes = 27;
-constexpr int kDeepest = 64;
-constexpr long kMostRecords = 20'000'000;
+constexpr int kMaxDepth = 64;
+constexpr long kMaxRecords = 20'000'000;
 /// Deflate cannot shrink data by more than this factor; a larger announced size is a lie.
-constexpr std::uint64_t kLargestRatio = 1040;
+constexpr std::uint64_t kMaxRatio = 1040;
 
 /// Reads the binary form. Every length is compared with what is left of its parent.
 class FbxBinary {
@@ -67,7 +67,7 @@ class FbxBinary {
     if (stop > end || stop <= start || at + name_length > stop || value_bytes > stop - at - name_length ||
         values > value_bytes)
       fail_at(where_, "the record at byte {} is longer than what is left: the file is truncated or damaged", start);
-    if (++records_ > kMostRecords || depth > kDeepest)
+    if (++records_ > kMaxRecords || depth > kMaxDepth)
       fail_at(where_, "the file has more records than any figure needs; it is damaged");
     record.name = bytes_.substr(at, name_length);
     at += name_length;
@@ -141,7 +141,7 @@ class FbxBinary {
     at += 12;
     const std::uint64_t taken = packed ? stored : size;
     values_ += count;
-    if (taken > end - at || (packed && size > stored * kLargestRatio + 64) || values_ > most_values_)
+    if (taken > end - at || (packed && size > stored * kMaxRatio + 64) || values_ > most_values_)
       fail_at(where_, "an array of {} values at byte {} is longer than its data: the file is truncated or damaged",
               count, at);
     std::vector<Stored> values(count);

@@ -10,7 +10,7 @@ namespace doppel {
 
 namespace {
 
-constexpr int kDeepestText = 64;
+constexpr int kMaxTextDepth = 64;
 
 /// A recursive descent over `Name: value, value { ... }`.
 class FbxText {
@@ -55,7 +55,7 @@ class FbxText {
   char here() const { return at_ < text_.size() ? text_[at_] : '\0'; }
 
   FbxRecord read_record(int depth) {
-    if (depth > kDeepestText) fail_here("records are nested more than {} deep", kDeepestText);
+    if (depth > kMaxTextDepth) fail_here("records are nested more than {} deep", kMaxTextDepth);
     FbxRecord record;
     while (at_ < text_.size() && text_[at_] != ':' && text_[at_] != '\n' && text_[at_] != '{') {
       record.name += text_[at_];

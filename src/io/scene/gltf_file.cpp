@@ -15,11 +15,11 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kDeepestJson = 64;
+constexpr int kMaxJsonDepth = 64;
 /// Bytes of all buffers together, and how often all values of the largest mesh may be read: several accessors may read
 /// the same bytes, so a small file could ask for any amount of work.
-constexpr std::size_t kMostBufferBytes = std::size_t{1} << 32;
-constexpr double kMostReadings = 64;
+constexpr std::size_t kMaxBufferBytes = std::size_t{1} << 32;
+constexpr double kMaxReadings = 64;
 
 constexpr std::uint32_t kGlbMark = 0x46546C67, kJsonChunk = 0x4E4F534A, kBinaryChunk = 0x004E4942;
 
@@ -126,7 +126,7 @@ void GltfFile::parse_json(std::string_view text) {
     if (quoted && c == '\\') ++i;
     if (quoted) continue;
     depth += (c == '{' || c == '[') - (c == '}' || c == ']');
-    if (depth > kDeepestJson) fail_here("the JSON of the glTF file is nested more than {} deep", kDeepestJson);
+    if (depth > kMaxJsonDepth) fail_here("the JSON of the glTF file is nested more than {} deep", kMaxJsonDepth);
   }
   root_ = Json::parse(text, nullptr, false);
   if (root_.is_discarded()) fail_here("the JSON of the glTF file cannot be read: the file is truncated or damaged");
@@ -166,7 +166,7 @@ void GltfFile::read_buffers() {
     if (!(length >= 0) || length > static_cast<double>(bytes.size()))
       fail_here("{} announces {} bytes, but {} are there: the file is truncated", where, length, bytes.size());
     total += bytes.size();
-    if (total > kMostBufferBytes) fail_here("the buffers hold more than {} bytes together", kMostBufferBytes);
+    if (total > kMaxBufferBytes) fail_here("the buffers hold more than {} bytes together", kMaxBufferBytes);
     buffers_.push_back(std::move(bytes));
   }
 }
@@ -245,16 +245,16 @@ std::vector<double> GltfFile::vector(const Json& object, const char* name, std::
 GltfFile::View GltfFile::view(int index, const std::string& where) const {
   const Json& views = list("bufferViews");
   const Json& view = views[index];
-  const std::string place = fmt::format("bufferViews[{}]", index);
+  const std::string element = fmt::format("bufferViews[{}]", index);
   if (!object(object(view, "extensions"), "EXT_meshopt_compression").empty())
-    fail_here("{} is compressed by meshopt, which is not read; export the file without compression", place);
-  const std::string& buffer = buffers_[this->index(view, "buffer", buffers_.size(), place, true)];
-  const double offset = number(view, "byteOffset", 0, place), length = number(view, "byteLength", -1, place);
+    fail_here("{} is compressed by meshopt, which is not read; export the file without compression", element);
+  const std::string& buffer = buffers_[this->index(view, "buffer", buffers_.size(), element, true)];
+  const double offset = number(view, "byteOffset", 0, element), length = number(view, "byteLength", -1, element);
   if (!(offset >= 0) || !(length >= 0) || offset + length > static_cast<double>(buffer.size()))
-    fail_here("{} (of {}) covers the bytes {} to {}, but its buffer has {}", place, where, offset, offset + length,
+    fail_here("{} (of {}) covers the bytes {} to {}, but its buffer has {}", element, where, offset, offset + length,
               buffer.size());
-  const double stride = number(view, "byteStride", 0, place);
-  if (!(stride >= 0) || stride > 65536) fail_here("{}.byteStride is {}", place, stride);
+  const double stride = number(view, "byteStride", 0, element);
+  if (!(stride >= 0) || stride > 65536) fail_here("{}.byteStride is {}", element, stride);
   return {std::string_view(buffer).substr(as_size(offset), as_size(length)), as_size(stride)};
 }
 
@@ -306,7 +306,7 @@ std::size_t GltfFile::count_of(const Json& accessor, std::size_t width, bool sto
   if (!(count >= 0) || count > static_cast<double>(most) || (!stored && width > 4))
     fail_here("{}.count is {}; at most {} are read", where, count, most);
   values_read_ += std::floor(count) * static_cast<double>(width);
-  if (values_read_ > kMostReadings * static_cast<double>(limits_.triangles + limits_.vertices))
+  if (values_read_ > kMaxReadings * static_cast<double>(limits_.triangles + limits_.vertices))
     fail_here("the meshes and animations use the accessors more often than any figure does: the file is damaged");
   return as_size(count);
 }

@@ -21,7 +21,7 @@ struct GltfNumbers {
 };
 
 /// A glTF 2.0 file: its JSON and its buffers. Nothing in the file is trusted: every member is checked when it is asked
-/// for, and messages name the place (`accessors[3].count`).
+/// for, and messages name the position (`accessors[3].count`).
 class GltfFile {
  public:
   using Json = nlohmann::json;

@@ -15,7 +15,7 @@ namespace {
 
 using Type = PlyProperty::Type;
 
-constexpr std::size_t kLongestHeader = 1 << 20;
+constexpr std::size_t kMaxHeaderBytes = 1 << 20;
 
 struct PlyTypeName {
   const char *name, *other;
@@ -63,7 +63,7 @@ PlyFile::PlyFile(const std::filesystem::path& path) : path_(path), bytes_(read_f
 void PlyFile::read_header() {
   if (bytes_.compare(0, 3, "ply") != 0) fail_here("is no PLY file: it does not begin with 'ply'");
   bool ended = false;
-  while (!ended && at_ < std::min(bytes_.size(), kLongestHeader)) {
+  while (!ended && at_ < std::min(bytes_.size(), kMaxHeaderBytes)) {
     const std::size_t end = std::min(bytes_.find_first_of("\r\n", at_), bytes_.size());
     const std::string line = bytes_.substr(at_, std::min<std::size_t>(end - at_, 4096));
     at_ = std::min(end + 1, bytes_.size());

@@ -17,7 +17,7 @@ namespace {
 
 using Affine = Eigen::Affine3d;
 
-constexpr std::int64_t kMostWeights = 32;  // per vertex that is allowed
+constexpr std::int64_t kMaxWeights = 32;  // per vertex that is allowed
 
 Eigen::Vector3d fbx_vector(const FbxRecord& object, const char* property, double usual = 0.0) {
   const FbxRecord* found = fbx_property(object, property);
@@ -240,9 +240,9 @@ void FbxReader::add_cluster(const FbxRecord& cluster, const FbxRecord& model, Sc
   const auto vertices = cluster.child("Indexes") ? cluster.child("Indexes")->integers() : std::vector<std::int64_t>();
   const auto weights = cluster.child("Weights") ? cluster.child("Weights")->numbers() : std::vector<double>();
   weights_ += static_cast<std::int64_t>(weights.size());
-  if (weights_ > kMostWeights * limits_.vertices)
+  if (weights_ > kMaxWeights * limits_.vertices)
     fail_here("the file has more than {} skinning weights, which is the most that is read",
-              kMostWeights * limits_.vertices);
+              kMaxWeights * limits_.vertices);
   for (std::size_t i = 0; i < std::min(vertices.size(), weights.size()); ++i) {
     if (vertices[i] < 0 || as_size(vertices[i]) >= rows.size())
       fail_here("the weights of '{}' for '{}' name vertex {}, but there are {}", fbx_name(*joints[0]), fbx_name(model),
@@ -255,7 +255,7 @@ void FbxReader::add_cluster(const FbxRecord& cluster, const FbxRecord& model, Sc
 }
 
 /// `TransformLink * Transform` is where the mesh stood when it was bound, the same for every joint. Where a file says
-/// otherwise its `Transform` is not what it should be, and the mesh's own place is used instead.
+/// otherwise its `Transform` is not what it should be, and the mesh's own position is used instead.
 void FbxReader::check_bind_poses(const FbxRecord& model, const std::vector<const FbxRecord*>& clusters,
                                  SceneSkin& skin) {
   std::vector<Affine> links;
@@ -270,13 +270,13 @@ void FbxReader::check_bind_poses(const FbxRecord& model, const std::vector<const
     const double size = std::max(first.matrix().cwiseAbs().maxCoeff(), 1.0);
     agree = agree && (mesh.matrix() - first.matrix()).cwiseAbs().maxCoeff() < 1e-3 * size;
   }
-  skin.bind_place = first;
+  skin.bind_transform = first;
   if (agree) return;
   const Affine world_from_mesh = node_transforms(scene_)[node_of_[&model]];
-  skin.bind_place = world_from_mesh;
+  skin.bind_transform = world_from_mesh;
   for (std::size_t j = 0; j < clusters.size(); ++j) skin.joint_from_mesh[j] = links[j].inverse() * world_from_mesh;
-  scene_.warnings.push_back(
-      fmt::format("the joints of '{}' disagree on where it was bound; its place in the file is used", fbx_name(model)));
+  scene_.warnings.push_back(fmt::format(
+      "the joints of '{}' disagree on where it was bound; its position in the file is used", fbx_name(model)));
 }
 
 int FbxReader::read_skin(const FbxRecord& model, const FbxRecord& geometry, ScenePrimitive& primitive) {

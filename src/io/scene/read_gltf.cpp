@@ -123,13 +123,13 @@ cv::Mat GltfReader::read_texture(const Json& info, const std::string& where) {
   const Json& textures = file_.list("textures");
   const int texture = file_.index(info, "index", textures.size(), where, true);
   const Json& entry = textures[texture];
-  const std::string place = fmt::format("textures[{}]", texture);
+  const std::string element = fmt::format("textures[{}]", texture);
   const std::size_t images = file_.list("images").size();
-  int image = file_.index(entry, "source", images, place);
+  int image = file_.index(entry, "source", images, element);
   const Json& webp = file_.object(file_.object(entry, "extensions"), "EXT_texture_webp");
-  if (image < 0 && !webp.empty()) image = file_.index(webp, "source", images, place);
+  if (image < 0 && !webp.empty()) image = file_.index(webp, "source", images, element);
   if (image < 0) {
-    scene_.warnings.push_back(fmt::format("{} is in a format that is not read; its base colour is used", place));
+    scene_.warnings.push_back(fmt::format("{} is in a format that is not read; its base colour is used", element));
     return {};
   }
   if (const auto known = images_.find(image); known != images_.end()) return known->second;
@@ -314,8 +314,8 @@ void GltfReader::read_primitive(const Json& entry, const std::string& where, Sce
 void GltfReader::read_primitives() {
   const Json &nodes = file_.list("nodes"), &meshes = file_.list("meshes");
   for (std::size_t n = 0; n < nodes.size(); ++n) {
-    const std::string place = fmt::format("nodes[{}]", n);
-    const int mesh = file_.index(nodes[n], "mesh", meshes.size(), place);
+    const std::string element = fmt::format("nodes[{}]", n);
+    const int mesh = file_.index(nodes[n], "mesh", meshes.size(), element);
     if (mesh < 0) continue;
     const Json& entry = meshes[mesh];
     const std::string where = fmt::format("meshes[{}]", mesh);
@@ -327,12 +327,12 @@ void GltfReader::read_primitives() {
       primitive.node = static_cast<int>(n);
       primitive.index = static_cast<int>(p);
       primitive.name = file_.text(entry, "name");
-      primitive.skin = file_.index(nodes[n], "skin", scene_.skins.size(), place);
+      primitive.skin = file_.index(nodes[n], "skin", scene_.skins.size(), element);
       const std::string part = fmt::format("{}.primitives[{}]", where, p);
       read_primitive(primitives[p], part, primitive);
       const std::size_t targets = file_.array(primitives[p], "targets", part).size();
       if (targets > 0) {
-        auto amounts = file_.vector(nodes[n], "weights", targets, place);
+        auto amounts = file_.vector(nodes[n], "weights", targets, element);
         if (amounts.empty()) amounts = file_.vector(entry, "weights", targets, where);
         apply_morphs(primitives[p], amounts, primitive);
       }

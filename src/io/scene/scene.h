@@ -58,9 +58,9 @@ struct ScenePrimitive {
 /// The joints that move a skinned surface: x' = sum_j w_j * world_from_node(joint_j) * joint_from_mesh_j * x.
 struct SceneSkin {
   std::string name;
-  std::vector<int> joints;                       ///< nodes
-  std::vector<Eigen::Affine3d> joint_from_mesh;  ///< [joints] inverse bind matrices
-  std::optional<Eigen::Affine3d> bind_place;     ///< world from mesh when it was bound, where the file says so
+  std::vector<int> joints;                        ///< nodes
+  std::vector<Eigen::Affine3d> joint_from_mesh;   ///< [joints] inverse bind matrices
+  std::optional<Eigen::Affine3d> bind_transform;  ///< world from mesh when it was bound, where the file says so
 };
 
 /// How one value of one node changes over time.

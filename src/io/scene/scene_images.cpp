@@ -13,7 +13,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr double kMostPixels = 5.4e8;  // of all images of a scene: 1.6 GB
+constexpr double kMaxPixels = 5.4e8;  // of all images of a scene: 1.6 GB
 
 /// A whole number of the bytes; 0 beyond their end.
 std::uint64_t number_at(std::string_view bytes, std::size_t at, std::size_t width, bool big_endian) {
@@ -25,8 +25,8 @@ std::uint64_t number_at(std::string_view bytes, std::size_t at, std::size_t widt
 }
 
 Eigen::Vector2i size_of(std::uint64_t width, std::uint64_t height) {
-  constexpr std::uint64_t kMost = 1 << 30;
-  return {static_cast<int>(std::min(width, kMost)), static_cast<int>(std::min(height, kMost))};
+  constexpr std::uint64_t kMaxSide = 1 << 30;
+  return {static_cast<int>(std::min(width, kMaxSide)), static_cast<int>(std::min(height, kMaxSide))};
 }
 
 /// The frame header (SOF) of a JPEG file behind its other segments.
@@ -90,7 +90,7 @@ cv::Mat SceneImages::of_bytes(const std::string& bytes) {
   if (!size || bytes.size() > (std::size_t{1} << 30) || size->minCoeff() < 1 || size->maxCoeff() > limits_.image_side)
     return {};
   pixels_ += static_cast<double>(size->x()) * size->y();
-  if (pixels_ > kMostPixels) return {};
+  if (pixels_ > kMaxPixels) return {};
   const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
   try {
     return cv::imdecode(encoded, cv::IMREAD_COLOR);
@@ -113,12 +113,12 @@ fs::path find_image(const fs::path& scene_file, std::string name) {
   if (name.empty()) return {};
   const fs::path folder = scene_file.parent_path(), image(name);
   std::error_code none;
-  std::vector<fs::path> places{folder / image, folder / image.filename()};
+  std::vector<fs::path> candidates{folder / image, folder / image.filename()};
   for (const char* beside : {"textures", "Textures", "images", "tex"})
-    places.push_back(folder / beside / image.filename());
-  places.push_back(folder / scene_file.stem().concat(".fbm") / image.filename());
-  for (const fs::path& place : places)
-    if (fs::is_regular_file(place, none)) return place;
+    candidates.push_back(folder / beside / image.filename());
+  candidates.push_back(folder / scene_file.stem().concat(".fbm") / image.filename());
+  for (const fs::path& candidate : candidates)
+    if (fs::is_regular_file(candidate, none)) return candidate;
   return {};
 }
 

@@ -17,8 +17,8 @@ namespace doppel {
 
 namespace {
 
-constexpr int kPatch = 8;      // pixels of a patch of one colour
-constexpr int kMostTiles = 4;  // a texture that repeats is laid out at most so often along each side
+constexpr int kPatch = 8;     // pixels of a patch of one colour
+constexpr int kMaxTiles = 4;  // a texture that repeats is laid out at most so often along each side
 
 /// Images side by side in one, each with a border of its own outermost pixels against bleeding.
 class TextureAtlas {
@@ -30,7 +30,7 @@ class TextureAtlas {
 
   const cv::Mat& image() const { return image_; }
   /// The UV in the atlas of a UV in [0,1] of image `i`; u right, v up.
-  Eigen::Vector2d place(std::size_t i, const Eigen::Vector2d& uv) const;
+  Eigen::Vector2d atlas_uv(std::size_t i, const Eigen::Vector2d& uv) const;
 
  private:
   bool pack(const std::vector<cv::Mat>& images, int width, int largest_side);
@@ -95,7 +95,7 @@ bool TextureAtlas::pack(const std::vector<cv::Mat>& images, int width, int large
   return true;
 }
 
-Eigen::Vector2d TextureAtlas::place(std::size_t i, const Eigen::Vector2d& uv) const {
+Eigen::Vector2d TextureAtlas::atlas_uv(std::size_t i, const Eigen::Vector2d& uv) const {
   const cv::Rect& inside = rectangles_[i];
   const double x = inside.x + uv.x() * inside.width, y = inside.y + (1 - uv.y()) * inside.height;
   return {x / image_.cols, 1 - y / image_.rows};
@@ -183,8 +183,8 @@ void MeshJoiner::find_uses() {
       for (const int uv : primitive.face_uvs[f]) {
         const Eigen::Vector2d at = primitive.uvs[uv] - tile;
         for (int axis = 0; axis < 2; ++axis) {
-          const double low = std::clamp(std::floor(at[axis] + 1e-6), -double(kMostTiles), 0.0);
-          const double high = std::clamp(std::ceil(at[axis] - 1e-6), 1.0, double(kMostTiles));
+          const double low = std::clamp(std::floor(at[axis] + 1e-6), -double(kMaxTiles), 0.0);
+          const double high = std::clamp(std::ceil(at[axis] - 1e-6), 1.0, double(kMaxTiles));
           use.low[axis] = std::min(use.low[axis], static_cast<int>(low));
           use.high[axis] = std::max(use.high[axis], static_cast<int>(high));
         }
@@ -266,7 +266,7 @@ void MeshJoiner::join_textures() {
           Eigen::Vector2d at(0.5, 0.5);
           if (textured)
             at = (primitive.uvs[uv] - tile - use.low.cast<double>()).cwiseQuotient((use.high - use.low).cast<double>());
-          mesh_.uvs.push_back(atlas.place(use.image, at.cwiseMax(0.0).cwiseMin(1.0)));
+          mesh_.uvs.push_back(atlas.atlas_uv(use.image, at.cwiseMax(0.0).cwiseMin(1.0)));
         }
         face[c] = entry->second;
       }

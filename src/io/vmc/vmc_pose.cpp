@@ -66,12 +66,12 @@ void VmcAvatar::add_parts() {
   }
 }
 
-Eigen::Vector3d VmcAvatar::rest_place(int part) const {
+Eigen::Vector3d VmcAvatar::rest_position(int part) const {
   return facing_ * figure_.rest[parts_[part].node].translation();
 }
 
 void VmcAvatar::turn_to_t_pose() {
-  const Eigen::Vector3d left = rest_place(part_named("LeftUpperLeg")) - rest_place(part_named("RightUpperLeg"));
+  const Eigen::Vector3d left = rest_position(part_named("LeftUpperLeg")) - rest_position(part_named("RightUpperLeg"));
   facing_ = Eigen::AngleAxisd(std::atan2(left.z(), left.x()), Eigen::Vector3d::UnitY()).toRotationMatrix();
   struct Limb {
     const char *bone, *end;
@@ -89,13 +89,13 @@ void VmcAvatar::turn_to_t_pose() {
   for (const Limb& limb : limbs) {
     const int bone = part_named(limb.bone), end = part_named(limb.end);
     if (bone < 0 || end < 0) continue;
-    parts_[bone].t_pose = rotation_between(rest_place(end) - rest_place(bone), limb.direction).toRotationMatrix();
+    parts_[bone].t_pose = rotation_between(rest_position(end) - rest_position(bone), limb.direction).toRotationMatrix();
   }
   for (Part& part : parts_) {
     if (part.parent < 0) continue;
     Part& parent = parts_[part.parent];
     if (part.name.ends_with("Hand")) part.t_pose = parent.t_pose;  // a hand goes on in the direction of the arm
-    part.offset = parent.t_pose * (rest_place(part_named(part.name)) - rest_place(part.parent));
+    part.offset = parent.t_pose * (rest_position(part_named(part.name)) - rest_position(part.parent));
   }
 }
 
@@ -108,9 +108,9 @@ std::vector<VmcBone> VmcAvatar::bones(const std::vector<double>& dofs) const {
                                    rotation_of(figure_.rest[part.node]).transpose() * facing_.transpose();
     world.push_back(turned * part.t_pose.transpose());
     const bool root = part.parent < 0;
-    const Eigen::Vector3d place = root ? facing_ * posed[part.node].translation() : part.offset;
+    const Eigen::Vector3d position = root ? facing_ * posed[part.node].translation() : part.offset;
     const Eigen::Matrix3d local = root ? world.back() : Eigen::Matrix3d(world[part.parent].transpose() * world.back());
-    bones.push_back({part.name, part.parent, in_unity(place), in_unity(local)});
+    bones.push_back({part.name, part.parent, in_unity(position), in_unity(local)});
   }
   return bones;
 }

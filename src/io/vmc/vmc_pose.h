@@ -38,7 +38,7 @@ class VmcAvatar {
   };
   void add_parts();
   void turn_to_t_pose();
-  Eigen::Vector3d rest_place(int part) const;
+  Eigen::Vector3d rest_position(int part) const;
   int part_named(const std::string& name) const;
 
   Skeleton skeleton_;

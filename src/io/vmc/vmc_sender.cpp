@@ -11,7 +11,7 @@
 namespace doppel {
 namespace {
 
-constexpr std::size_t kLargestPacket = 8192;  // 22 bones need less than half
+constexpr std::size_t kMaxPacketBytes = 8192;  // 22 bones need less than half
 constexpr osc::int32 kLoaded = 1, kCalibrated = 3, kNormalMode = 0;
 
 IpEndpointName endpoint_of(const std::string& address) {
@@ -46,7 +46,7 @@ void write_transform(osc::OutboundPacketStream& stream, const char* address, con
 struct VmcSender::State {
   VmcAvatar avatar;
   UdpTransmitSocket socket;
-  std::array<char, kLargestPacket> buffer{};
+  std::array<char, kMaxPacketBytes> buffer{};
 
   State(const std::string& address, const Character& character) : avatar(character), socket(endpoint_of(address)) {}
 };

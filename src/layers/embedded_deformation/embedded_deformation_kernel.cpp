@@ -127,18 +127,18 @@ void backward_vertices(const DeformationParams& p, int64_t begin, int64_t end) {
     load_rows<L>(p, p.grad_out, p.num_vertices, 3, start, n, p.posed_gradient + start * 3 * L);
     if (p.displacements) load_rows<L>(p, p.displacements, p.num_vertices, 3, start, n, displacements);
     for (int i = 0; i < n; ++i) {
-      const int64_t place = (start + i) * 3 * L;
+      const int64_t position = (start + i) * 3 * L;
       Vector<L> m[12];
       if (p.grad_node_transforms) {
         Vector<L> y[3];
         canonical_position<L>(p, start + i, p.displacements ? displacements + 3 * i * L : nullptr, y);
-        for (int r = 0; r < 3; ++r) store<L>(p.canonical + place + r * L, y[r]);
+        for (int r = 0; r < 3; ++r) store<L>(p.canonical + position + r * L, y[r]);
       }
       // x = M y: dL/dy = M^T dL/dx.
       blend<L>(p, p.pose_table, start + i, m);
-      const float* g = p.posed_gradient + place;
+      const float* g = p.posed_gradient + position;
       for (int k = 0; k < 3; ++k) {
-        store<L>(p.canonical_gradient + place + k * L,
+        store<L>(p.canonical_gradient + position + k * L,
                  m[k] * load<L>(g) + m[4 + k] * load<L>(g + L) + m[8 + k] * load<L>(g + 2 * L));
       }
     }
@@ -179,11 +179,11 @@ inline void node_transform_adjoint(const DeformationParams& p, int64_t node, flo
   Vector<L> G[12];
   for (int c = 0; c < 12; ++c) G[c] = Vector<L>{};
   for (int32_t e = p.transposed_offsets[node]; e < p.transposed_offsets[node + 1]; ++e) {
-    const int64_t place = static_cast<int64_t>(p.transposed_items[e]) * 3 * L;
+    const int64_t position = static_cast<int64_t>(p.transposed_items[e]) * 3 * L;
     Vector<L> y[3];
-    for (int k = 0; k < 3; ++k) y[k] = load<L>(p.canonical + place + k * L);
+    for (int k = 0; k < 3; ++k) y[k] = load<L>(p.canonical + position + k * L);
     for (int r = 0; r < 3; ++r) {
-      const Vector<L> weighted = p.transposed_weights[e] * load<L>(p.posed_gradient + place + r * L);
+      const Vector<L> weighted = p.transposed_weights[e] * load<L>(p.posed_gradient + position + r * L);
       for (int k = 0; k < 3; ++k) G[4 * r + k] += weighted * y[k];
       G[4 * r + 3] += weighted;
     }

@@ -19,7 +19,7 @@ using torch::autograd::variable_list;
 
 const char* const kDeformationOp = "doppel::embedded_deformation";
 constexpr int64_t kDeformationBlock = 16;
-constexpr int64_t kMostLanes = 16;
+constexpr int64_t kMaxLanes = 16;
 
 /// The constants of the schema's `graph`, in this order.
 enum Constant {

@@ -172,8 +172,8 @@ std::tuple<Tensor, Tensor> alignment_cpu(const Tensor& points, at::TensorList ra
   Tensor translation = at::empty({points.size(0), 3}, call.points.options());
   Tensor valid = at::empty({points.size(0)}, call.points.options().dtype(torch::kBool));
   call.for_each_sample([&](int64_t b) {
-    const double* place = prior.data_ptr<double>() + 3 * b;
-    valid.data_ptr<bool>()[b] = call.sample(b).solve(call.points_of(b), {place[0], place[1], place[2]},
+    const double* position = prior.data_ptr<double>() + 3 * b;
+    valid.data_ptr<bool>()[b] = call.sample(b).solve(call.points_of(b), {position[0], position[1], position[2]},
                                                      call.options.damping, translation.data_ptr<float>() + 3 * b);
   });
   return {translation, valid};

@@ -96,8 +96,9 @@ inline Row multiply_row_by(const float* a, const void* kernel) {
 // ---- the sum over neighbours ----
 
 template <typename Column>
-inline __attribute__((always_inline)) Row sum_of_rings(const GraphChainStep& p, const Column* columns, int64_t place) {
-  const int32_t* begins = p.begins + place * p.rings;
+inline __attribute__((always_inline)) Row sum_of_rings(const GraphChainStep& p, const Column* columns,
+                                                       int64_t position) {
+  const int32_t* begins = p.begins + position * p.rings;
   Row sum[kSums] = {};
   Row total = {};
   for (int64_t ring = 0; ring < p.rings; ++ring) {
@@ -108,24 +109,24 @@ inline __attribute__((always_inline)) Row sum_of_rings(const GraphChainStep& p, 
     for (; at < end; ++at) add(&sum[0], load_row(p.products + columns[at] * kChainFeatures));
     for (int64_t i = 0; i < kSums; ++i) add(&total, sum[i]);
   }
-  for (int64_t v = 0; v < kParts; ++v) total.part[v] *= p.scales[place];
+  for (int64_t v = 0; v < kParts; ++v) total.part[v] *= p.scales[position];
   return total;
 }
 
-inline __attribute__((always_inline)) Row features_of(const GraphChainStep& p, int64_t place) {
-  const int64_t at = place * kChainFeatures;
+inline __attribute__((always_inline)) Row features_of(const GraphChainStep& p, int64_t position) {
+  const int64_t at = position * kChainFeatures;
   Row x = load_row(p.bias + at);
   if (p.products)
-    add(&x, p.short_columns ? sum_of_rings(p, p.short_columns, place) : sum_of_rings(p, p.columns, place));
+    add(&x, p.short_columns ? sum_of_rings(p, p.short_columns, position) : sum_of_rings(p, p.columns, position));
   if (p.skip) add(&x, load_row(p.skip + at));
   if (p.common) add(&x, load_row(p.common));
   return x;
 }
 
-inline Row normalised(const GraphChainStep& p, int64_t place, Row x) {
+inline Row normalised(const GraphChainStep& p, int64_t position, Row x) {
   if (!p.norm_scale) return x;
-  const Row scale = load_row(p.norm_scale + place * kChainFeatures),
-            shift = load_row(p.norm_shift + place * kChainFeatures);
+  const Row scale = load_row(p.norm_scale + position * kChainFeatures),
+            shift = load_row(p.norm_shift + position * kChainFeatures);
   for (int64_t v = 0; v < kParts; ++v) x.part[v] = x.part[v] * scale.part[v] + shift.part[v];
   return x;
 }
@@ -140,8 +141,8 @@ inline int64_t block_end(int64_t nodes, int64_t block) {
 constexpr int64_t kBytesAhead = 4096, kLineBytes = 64;
 
 void sum_alone(const GraphChainStep& p, int64_t begin, int64_t end) {
-  for (int64_t place = begin * kChainBlock; place < block_end(p.nodes, end - 1); ++place)
-    store_row(p.features + place * kChainFeatures, features_of(p, place));
+  for (int64_t position = begin * kChainBlock; position < block_end(p.nodes, end - 1); ++position)
+    store_row(p.features + position * kChainFeatures, features_of(p, position));
 }
 
 // Nodes that are computed side by side, so that their latencies overlap.
@@ -181,9 +182,9 @@ void step(const GraphChainStep& p, int64_t begin, int64_t end) {
   for (int64_t block = begin; block < end; ++block) {
     Row block_sum = {};
     const int64_t last = block_end(p.nodes, block);
-    int64_t place = block * kChainBlock;
-    for (; place + kSide <= last; place += kSide) step_nodes<Kernel>(p, place, kSide, &block_sum);
-    if (place < last) step_nodes<Kernel>(p, place, last - place, &block_sum);
+    int64_t position = block * kChainBlock;
+    for (; position + kSide <= last; position += kSide) step_nodes<Kernel>(p, position, kSide, &block_sum);
+    if (position < last) step_nodes<Kernel>(p, position, last - position, &block_sum);
     if (p.sums) store_row(p.sums + block * kChainFeatures, block_sum);
   }
 }
@@ -195,9 +196,9 @@ void graph_chain_step(const GraphChainStep& p, int64_t begin, int64_t end) { ste
 void graph_chain_step_short(const GraphChainStep& p, int64_t begin, int64_t end) { step<ShortKernel>(p, begin, end); }
 
 void graph_chain_first(const GraphChainEnd& p, int64_t begin, int64_t end) {
-  for (int64_t place = begin * kChainBlock; place < block_end(p.nodes, end - 1); ++place) {
-    const float* features = p.features + p.order[place] * p.size;
-    const float* kernel = p.kernels + place * p.size * kChainFeatures;
+  for (int64_t position = begin * kChainBlock; position < block_end(p.nodes, end - 1); ++position) {
+    const float* features = p.features + p.order[position] * p.size;
+    const float* kernel = p.kernels + position * p.size * kChainFeatures;
     Row sum[kSums] = {};
     int64_t h = 0;
     for (; h + kSums <= p.size; h += kSums)
@@ -205,16 +206,16 @@ void graph_chain_first(const GraphChainEnd& p, int64_t begin, int64_t end) {
         add_product(&sum[i], features[h + i], load_row(kernel + (h + i) * kChainFeatures));
     for (; h < p.size; ++h) add_product(&sum[0], features[h], load_row(kernel + h * kChainFeatures));
     for (int64_t i = 1; i < kSums; ++i) add(&sum[0], sum[i]);
-    store_row(p.next + place * kChainFeatures, sum[0]);
+    store_row(p.next + position * kChainFeatures, sum[0]);
   }
 }
 
 void graph_chain_last(const GraphChainEnd& p, int64_t begin, int64_t end) {
-  for (int64_t place = begin * kChainBlock; place < block_end(p.nodes, end - 1); ++place) {
-    const Row active = elu_row(load_row(p.features + place * kChainFeatures));
-    float* to = p.next + place * kChainFeatures;
+  for (int64_t position = begin * kChainBlock; position < block_end(p.nodes, end - 1); ++position) {
+    const Row active = elu_row(load_row(p.features + position * kChainFeatures));
+    float* to = p.next + position * kChainFeatures;
     for (int64_t o = 0; o < p.size; ++o) {
-      const Row kernel = load_row(p.kernels + (place * p.size + o) * kChainFeatures);
+      const Row kernel = load_row(p.kernels + (position * p.size + o) * kChainFeatures);
       Part sum = {};
       for (int64_t v = 0; v < kParts; ++v) sum += active.part[v] * kernel.part[v];
       float total = 0.0f;

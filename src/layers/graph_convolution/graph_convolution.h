@@ -45,7 +45,7 @@ struct RingWeights {
   // For the kernel: nodes renumbered so that neighbours are close in memory. Row p belongs to node order[p]; columns
   // are indices into that order. The sparsity pattern is symmetric, so the transpose has the same pattern.
   torch::Tensor order;              ///< int32 [K]
-  torch::Tensor places;             ///< int32 [K], the inverse of `order`: places[order[p]] = p
+  torch::Tensor positions;          ///< int32 [K], the inverse of `order`: positions[order[p]] = p
   torch::Tensor offsets;            ///< int32 [K+1]
   torch::Tensor columns;            ///< int32 [E]
   torch::Tensor values;             ///< float32 [E] a_kl in row k
@@ -55,8 +55,8 @@ struct RingWeights {
   static RingWeights from_topology(const MeshTopology& topology, int rings);
   static RingWeights from_graph(const EmbeddedGraph& graph, int rings);
 
-  /// order, places, offsets, columns, values, transposed_values: the `ring` argument of the dispatcher ops.
-  std::vector<torch::Tensor> packed() const { return {order, places, offsets, columns, values, transposed_values}; }
+  /// order, positions, offsets, columns, values, transposed_values: the `ring` argument of the dispatcher ops.
+  std::vector<torch::Tensor> packed() const { return {order, positions, offsets, columns, values, transposed_values}; }
 };
 
 /// Equation 6.5 in the public layout.

@@ -348,7 +348,7 @@ void graph_convolution_transform(const GraphConvolutionParams& p, float* scratch
   const bool sample = is_sample(p);
   for (int64_t node = begin; node < end; ++node) {
     if (node + kNodesAhead < end) prefetch_kernel(p, node + kNodesAhead);
-    float* to = p.packed + p.places[node] * p.batch * padded(p.outputs);
+    float* to = p.packed + p.positions[node] * p.batch * padded(p.outputs);
     if (sample)
       transform_sample(p, node, [to](int64_t v, Vec product) { store(to + v, product); });
     else
@@ -359,9 +359,9 @@ void graph_convolution_transform(const GraphConvolutionParams& p, float* scratch
 void graph_convolution_gather(const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end) {
   float* sum = split_scratch(p, scratch).grad_output;
   const int64_t out = padded(p.outputs), row = p.batch * out;
-  for (int64_t place = begin; place < end; ++place) {
-    const int64_t node = p.order[place], first = p.offsets[place];
-    gather_row(p.packed, row, p.columns + first, p.values + first, p.offsets[place + 1] - first, sum);
+  for (int64_t position = begin; position < end; ++position) {
+    const int64_t node = p.order[position], first = p.offsets[position];
+    gather_row(p.packed, row, p.columns + first, p.values + first, p.offsets[position + 1] - first, sum);
     for (int64_t v = 0; v < out; v += kWidth) {
       const int64_t left = p.outputs - v;
       const Vec bias = load_some(p.bias + node * p.outputs + v, left);
@@ -377,9 +377,9 @@ void graph_convolution_gather(const GraphConvolutionParams& p, float* scratch, i
 
 void graph_convolution_pack(const GraphConvolutionParams& p, float*, int64_t begin, int64_t end) {
   const int64_t out = padded(p.outputs);
-  for (int64_t place = begin; place < end; ++place) {
-    const int64_t node = p.order[place];
-    float* row = p.packed + place * p.batch * out;
+  for (int64_t position = begin; position < end; ++position) {
+    const int64_t node = p.order[position];
+    float* row = p.packed + position * p.batch * out;
     load_rows(p.grad_output.data + node * p.grad_output.node_stride, p.grad_output.batch_stride, p.batch, p.outputs,
               row, out);
     for (int64_t v = 0; v < out; v += kWidth) {
@@ -418,10 +418,10 @@ void backward_of_node(const GraphConvolutionParams& p, int64_t node, const Scrat
 void graph_convolution_backward(const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end) {
   const Scratch s = split_scratch(p, scratch);
   const int64_t out = padded(p.outputs);
-  for (int64_t place = begin; place < end; ++place) {
-    if (place + kNodesAhead < end) prefetch_kernel(p, p.order[place + kNodesAhead]);
-    const int64_t node = p.order[place], first = p.offsets[place];
-    gather_row(p.packed, p.batch * out, p.columns + first, p.transposed_values + first, p.offsets[place + 1] - first,
+  for (int64_t position = begin; position < end; ++position) {
+    if (position + kNodesAhead < end) prefetch_kernel(p, p.order[position + kNodesAhead]);
+    const int64_t node = p.order[position], first = p.offsets[position];
+    gather_row(p.packed, p.batch * out, p.columns + first, p.transposed_values + first, p.offsets[position + 1] - first,
                s.grad_output);
     const float* input = node_input(p, node, s, false);
 

@@ -23,7 +23,7 @@ struct GraphConvolutionParams {
 
   // the ring weights (RingWeights::packed)
   const int32_t* order = nullptr;
-  const int32_t* places = nullptr;
+  const int32_t* positions = nullptr;
   const int32_t* offsets = nullptr;
   const int32_t* columns = nullptr;
   const float* values = nullptr;
@@ -66,7 +66,7 @@ DOPPEL_DECLARE_KERNEL(int64_t, graph_convolution_scratch, (const GraphConvolutio
 // covers the packed rows (for `transform`, the nodes) [begin, end) and writes only their results, so any split gives
 // the same bits.
 
-/// packed[places[l]] = act(f_l) K_l for the nodes l of [begin, end). Kernels are read in the order of memory.
+/// packed[positions[l]] = act(f_l) K_l for the nodes l of [begin, end). Kernels are read in the order of memory.
 DOPPEL_DECLARE_KERNEL(void, graph_convolution_transform,
                       (const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end))
 /// output[k] = b_k + sum_l a_kl packed[l] (+ skip[k]).

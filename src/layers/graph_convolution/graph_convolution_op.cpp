@@ -82,7 +82,7 @@ kernels::GraphConvolutionParams make_params(const ConvolutionSizes& n, const Con
   p.inputs = n.inputs;
   p.outputs = n.outputs;
   p.order = setting.ring[0].data_ptr<int32_t>();
-  p.places = setting.ring[1].data_ptr<int32_t>();
+  p.positions = setting.ring[1].data_ptr<int32_t>();
   p.offsets = setting.ring[2].data_ptr<int32_t>();
   p.columns = setting.ring[3].data_ptr<int32_t>();
   p.values = setting.ring[4].data_ptr<float>();

@@ -91,8 +91,8 @@ void fill_entries(const std::vector<Row>& rows, RingWeights& ring) {
 }
 
 void fill_packed(const std::vector<Row>& rows, const std::vector<int>& order, RingWeights& ring) {
-  std::vector<int32_t> place(order.size()), offsets{0}, columns;
-  for (std::size_t p = 0; p < order.size(); ++p) place[order[p]] = static_cast<int32_t>(p);
+  std::vector<int32_t> position(order.size()), offsets{0}, columns;
+  for (std::size_t p = 0; p < order.size(); ++p) position[order[p]] = static_cast<int32_t>(p);
   std::vector<float> values, transposed;
   const auto weight_of = [&](int k, int l) {
     const auto found = std::find(rows[k].nodes.begin(), rows[k].nodes.end(), l);
@@ -100,9 +100,9 @@ void fill_packed(const std::vector<Row>& rows, const std::vector<int>& order, Ri
   };
   for (const int k : order) {
     std::vector<int> nodes = rows[k].nodes;
-    std::sort(nodes.begin(), nodes.end(), [&](int a, int b) { return place[a] < place[b]; });
+    std::sort(nodes.begin(), nodes.end(), [&](int a, int b) { return position[a] < position[b]; });
     for (const int l : nodes) {
-      columns.push_back(place[l]);
+      columns.push_back(position[l]);
       values.push_back(weight_of(k, l));
       transposed.push_back(weight_of(l, k));
     }
@@ -110,7 +110,7 @@ void fill_packed(const std::vector<Row>& rows, const std::vector<int>& order, Ri
   }
   ring.num_entries = static_cast<int64_t>(columns.size());
   ring.order = int_tensor({order.begin(), order.end()});
-  ring.places = int_tensor(place);
+  ring.positions = int_tensor(position);
   ring.offsets = int_tensor(offsets);
   ring.columns = int_tensor(columns);
   ring.values = torch::tensor(at::ArrayRef<float>(values), torch::kFloat32);

@@ -68,9 +68,9 @@ struct Tasks {
 
   Tasks(const ImageConvolutionParams& p) {
     // The rows of a block stay in the second-level cache. The number of tasks does not depend on the threads.
-    constexpr int64_t kMostScratch = 64 * 1024, kMostRows = 8, kFewBlocks = 4, kChannels = 4;
-    rows = std::min(kMostRows, p.out_height);
-    while (rows > 1 && kernels::image_convolution_scratch(p, rows) > kMostScratch) rows = (rows + 1) / 2;
+    constexpr int64_t kMaxScratchFloats = 64 * 1024, kMaxRows = 8, kFewBlocks = 4, kChannels = 4;
+    rows = std::min(kMaxRows, p.out_height);
+    while (rows > 1 && kernels::image_convolution_scratch(p, rows) > kMaxScratchFloats) rows = (rows + 1) / 2;
     blocks = (p.out_height + rows - 1) / rows;
     groups = blocks >= kFewBlocks ? 1 : std::clamp<int64_t>(p.outputs / kChannels, 1, kFewBlocks);
   }

@@ -25,8 +25,8 @@ Tensor turn_points(const Tensor& rotation, const Tensor& points) {
 GraphLandmarksImpl::GraphLandmarksImpl(const Character& character, const std::vector<Marker>& landmarks)
     : torch::nn::Module("GraphLandmarks") {
   nodes_ = nearest_nodes(character, landmarks);
-  std::vector<Eigen::Vector3d> node_places;
-  for (int vertex : character.graph.node_vertex) node_places.push_back(character.mesh.vertices[vertex]);
+  std::vector<Eigen::Vector3d> node_positions;
+  for (int vertex : character.graph.node_vertex) node_positions.push_back(character.mesh.vertices[vertex]);
   IndexRows rows;
   for (int node : nodes_) {
     rows.items.push_back(node);
@@ -34,7 +34,7 @@ GraphLandmarksImpl::GraphLandmarksImpl(const Character& character, const std::ve
   }
   const std::vector<double> weights(landmarks.size(), 1.0);
   deformation_ = EmbeddedDeformation(DeformationGraph(
-      landmark_positions(character.skeleton, landmarks, character.rest_dofs), node_places, rows, weights));
+      landmark_positions(character.skeleton, landmarks, character.rest_dofs), node_positions, rows, weights));
 }
 
 Tensor GraphLandmarksImpl::forward(const Tensor& A, const Tensor& T, const Tensor& node_transforms) const {

@@ -10,7 +10,7 @@ namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
 constexpr int kBlock = 16;  // points transposed at a time
-constexpr float kSmallestSquaredNorm = 1e-12f;
+constexpr float kMinSquaredNorm = 1e-12f;
 
 // ---------------------------------------------------------------------------------------------- bones, in double
 
@@ -189,7 +189,7 @@ inline void blend_dual_quaternion(const SkinningParams& p, int64_t i, Vector<L>*
 template <int L>
 inline Vector<L> twice_inverse_squared_norm(const Vector<L>* b) {
   const Vector<L> squared = b[0] * b[0] + b[1] * b[1] + b[2] * b[2] + b[3] * b[3];
-  const Vector<L> least = broadcast<L>(kSmallestSquaredNorm);
+  const Vector<L> least = broadcast<L>(kMinSquaredNorm);
   return 2.0f / (squared < least ? least : squared);
 }
 
@@ -216,7 +216,7 @@ inline void rigid_of(const Vector<L>* b, Transform<L>* out) {
 template <int L>
 inline void rigid_adjoint(const Vector<L>* b, const Vector<L>* g, Vector<L>* grad) {
   const Vector<L> squared = b[0] * b[0] + b[1] * b[1] + b[2] * b[2] + b[3] * b[3];
-  const Vector<L> least = broadcast<L>(kSmallestSquaredNorm);
+  const Vector<L> least = broadcast<L>(kMinSquaredNorm);
   const auto guarded = squared < least;
   const Vector<L> s = 2.0f / (guarded ? least : squared);
   const Vector<L> w = b[0], x = b[1], y = b[2], z = b[3], ew = b[4], ex = b[5], ey = b[6], ez = b[7];
@@ -335,10 +335,10 @@ inline void backward_dual_quaternion(const SkinningParams& p, int64_t i, const f
   rigid_adjoint<L>(b, grad_blend, grad_b);
   const int32_t begin = p.offsets[i], end = p.offsets[i + 1];
   for (int32_t e = begin; e < end; ++e) {
-    const int64_t place = static_cast<int64_t>(p.items[e]) * 8 * L;
+    const int64_t position = static_cast<int64_t>(p.items[e]) * 8 * L;
     const Vector<L> w =
-        e - begin < kKeptWeights ? kept[e - begin] : aligned_weight<L>(p.weights[e], p.table + place, first);
-    for (int c = 0; c < 8; ++c) store<L>(part + place + c * L, load<L>(part + place + c * L) + w * grad_b[c]);
+        e - begin < kKeptWeights ? kept[e - begin] : aligned_weight<L>(p.weights[e], p.table + position, first);
+    for (int c = 0; c < 8; ++c) store<L>(part + position + c * L, load<L>(part + position + c * L) + w * grad_b[c]);
   }
 }
 

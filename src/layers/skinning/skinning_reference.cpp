@@ -5,7 +5,7 @@
 namespace doppel {
 namespace {
 
-constexpr double kSmallestSquaredNorm = 1e-12;  // of a blended real part: 1e-6 squared
+constexpr double kMinSquaredNorm = 1e-12;  // of a blended real part: 1e-6 squared
 
 /// Unit quaternions (w,x,y,z) of rotation matrices [...,3,3]. Each row of `candidates` is the quaternion times four
 /// times one of its components. The row of the largest component is well conditioned.
@@ -38,7 +38,7 @@ torch::Tensor dual_quaternion_of(const torch::Tensor& transform) {
 torch::Tensor rigid_of(const torch::Tensor& dual_quaternion) {
   const auto part = [&](int i) { return dual_quaternion.select(-1, i); };
   const torch::Tensor w = part(0), x = part(1), y = part(2), z = part(3);
-  const torch::Tensor s = 2.0 / (w * w + x * x + y * y + z * z).clamp_min(kSmallestSquaredNorm);
+  const torch::Tensor s = 2.0 / (w * w + x * x + y * y + z * z).clamp_min(kMinSquaredNorm);
   const torch::Tensor ew = part(4), ex = part(5), ey = part(6), ez = part(7);
   const auto row = [](const torch::Tensor& a, const torch::Tensor& b, const torch::Tensor& c, const torch::Tensor& t) {
     return torch::stack({a, b, c, t}, -1);

@@ -14,9 +14,9 @@ namespace {
 
 /// Optical depth above which a cell is opaque: exp(-60) is negligible beside 1, even in double.
 constexpr double kOpaque = 60.0;
-constexpr double kLargestDensity = 1e12;  // makes its product with a length finite
-constexpr double kLeastShare = 1e-5;      // added to the weight of every cell, so that no cell is excluded
-constexpr double kFaint = 1e-6;           // opacity below which a depth is undefined
+constexpr double kMaxDensity = 1e12;  // makes its product with a length finite
+constexpr double kMinShare = 1e-5;    // added to the weight of every cell, so that no cell is excluded
+constexpr double kFaint = 1e-6;       // opacity below which a depth is undefined
 
 struct Absorption {
   Tensor weights;  ///< [R,K]
@@ -29,7 +29,7 @@ Absorption absorb(const Tensor& density, const RaySamples& samples) {
   check_shape("render_volume", "samples.t", samples.t, {R, K}, "[R,K]");
   check_shape("render_volume", "samples.near", samples.near, {R}, "[R]");
   check_shape("render_volume", "samples.far", samples.far, {R}, "[R]");
-  const Tensor bounded = torch::nan_to_num(density, 0.0, kLargestDensity, 0.0).clamp(0.0, kLargestDensity);
+  const Tensor bounded = torch::nan_to_num(density, 0.0, kMaxDensity, 0.0).clamp(0.0, kMaxDensity);
   const Tensor optical = (bounded * samples.step()).clamp_max(kOpaque);
   const Tensor sum = optical.cumsum(1);
   const Tensor before = torch::cat({torch::zeros_like(sum.narrow(1, 0, 1)), sum.narrow(1, 0, K - 1)}, 1);
@@ -63,9 +63,9 @@ RaySamples sample_cells(const Tensor& near, const Tensor& far, int64_t samples, 
   check_shape("sample_cells", "far", far, {near.size(0)}, "[R]");
   check_same_kind("sample_cells", "far", far, near);
   if (samples < 1) fail<UsageError>("sample_cells: {} samples per ray; there must be at least 1", samples);
-  Tensor place = torch::full({near.size(0), samples}, 0.5, near.options());
-  if (generator) place = uniform(share, near.size(0), samples, *generator, near);
-  const Tensor cell = (torch::arange(samples, near.options()) + place) / static_cast<double>(samples);
+  Tensor position = torch::full({near.size(0), samples}, 0.5, near.options());
+  if (generator) position = uniform(share, near.size(0), samples, *generator, near);
+  const Tensor cell = (torch::arange(samples, near.options()) + position) / static_cast<double>(samples);
   return {near, far, near.unsqueeze(1) + cell * (far - near).unsqueeze(1), {}};
 }
 
@@ -75,7 +75,7 @@ RaySamples sample_by_weight(const RaySamples& coarse, const Tensor& weights, int
   const int64_t R = coarse.t.size(0), K = coarse.t.size(1);
   check_shape("sample_by_weight", "weights", weights, {R, K}, "[R,K]");
   if (count < 1) fail<UsageError>("sample_by_weight: {} samples per ray; there must be at least 1", count);
-  const Tensor share = weights.to(coarse.t.options()) + kLeastShare;
+  const Tensor share = weights.to(coarse.t.options()) + kMinShare;
   const Tensor sum = (share / share.sum(1, true)).cumsum(1).contiguous();
   Tensor quantile = torch::full({R, count}, 0.5, coarse.t.options());
   if (generator) quantile = uniform(of_batch, R, count, *generator, coarse.t);
@@ -95,17 +95,17 @@ RaySamples sample_by_weight(const RaySamples& coarse, const Tensor& weights, int
 
 RaySums render_ray(const float* density, const float* t, int64_t samples, float near, float far, float* weights) {
   const double length = std::max(0.0, static_cast<double>(far) - near), cell = length / static_cast<double>(samples);
-  double before = 0.0, sum = 0.0, place = 0.0;
+  double before = 0.0, sum = 0.0, position = 0.0;
   for (int64_t k = 0; k < samples; ++k) {
-    const double bounded = density[k] > 0.0f ? std::min<double>(density[k], kLargestDensity) : 0.0;  // NaN is 0
+    const double bounded = density[k] > 0.0f ? std::min<double>(density[k], kMaxDensity) : 0.0;  // NaN is 0
     const double optical = std::min(bounded * cell, kOpaque);
     const double weight = optical > 0.0 ? std::exp(-before) * -std::expm1(-optical) : 0.0;
     weights[k] = static_cast<float>(weight);
     before += optical;
     sum += weight;
-    place += weight * (t[k] - near);
+    position += weight * (t[k] - near);
   }
-  return {static_cast<float>(-std::expm1(-before)), sum > kFaint ? static_cast<float>(near + place / sum) : near};
+  return {static_cast<float>(-std::expm1(-before)), sum > kFaint ? static_cast<float>(near + position / sum) : near};
 }
 
 RenderedRays render_volume(const Tensor& density, const Tensor& colour, const RaySamples& samples) {
@@ -118,13 +118,13 @@ RenderedRays render_volume(const Tensor& density, const Tensor& colour, const Ra
   result.colour = (seen.weights.unsqueeze(-1) * torch::nan_to_num(colour)).sum(1);
   // Positions relative to the interval, so that neither the camera distance nor the unit costs digits.
   const Tensor length = samples.far - samples.near;
-  const Tensor place =
+  const Tensor position =
       (samples.t - samples.near.unsqueeze(1)) / torch::where(length > 0, length, torch::ones_like(length)).unsqueeze(1);
   const Tensor sum = seen.weights.sum(1, true), solid = sum > kFaint;
   const Tensor share =
-      torch::where(solid, seen.weights, torch::zeros_like(place)) / torch::where(solid, sum, torch::ones_like(sum));
-  const Tensor mean = (share * place).sum(1, true);
-  result.variance = (share * (place - mean).square()).sum(1);
+      torch::where(solid, seen.weights, torch::zeros_like(position)) / torch::where(solid, sum, torch::ones_like(sum));
+  const Tensor mean = (share * position).sum(1, true);
+  result.variance = (share * (position - mean).square()).sum(1);
   result.depth = samples.near + mean.squeeze(1) * length;
   return result;
 }

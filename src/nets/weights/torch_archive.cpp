@@ -34,7 +34,7 @@ constexpr std::array<StorageType, 10> kStorageTypes{{{"FloatStorage", torch::kFl
 
 /// Larger than any storage, small enough that products of two do not overflow 128 bits.
 constexpr std::int64_t kHugeStorage = std::int64_t{1} << 48;
-constexpr std::size_t kMostParts = 200'000, kLongestPartName = 500;
+constexpr std::size_t kMaxParts = 200'000, kMaxPartNameLength = 500;
 
 struct CloseZip {
   void operator()(void* archive) const { unzClose(archive); }
@@ -73,8 +73,8 @@ std::optional<Reach> reach_of(const PickledTensor& tensor) {
 
 /// Whether the bytes end with the record that ends a zip archive, and its comment.
 bool ends_as_zip(std::string_view bytes) {
-  constexpr std::size_t kEndBytes = 22, kLongestComment = 65535;
-  const std::size_t from = bytes.size() - std::min(bytes.size(), kEndBytes + kLongestComment);
+  constexpr std::size_t kEndBytes = 22, kMaxCommentBytes = 65535;
+  const std::size_t from = bytes.size() - std::min(bytes.size(), kEndBytes + kMaxCommentBytes);
   const std::size_t at = bytes.rfind("PK\x05\x06");
   if (at == std::string_view::npos || at < from || bytes.size() - at < kEndBytes) return false;
   const auto byte = [&](std::size_t i) { return as_size(static_cast<unsigned char>(bytes[at + i])); };
@@ -100,10 +100,10 @@ void TorchArchive::list_parts(const std::filesystem::path& path) {
   int state = unzGoToFirstFile(archive.get());
   for (; state == UNZ_OK; state = unzGoToNextFile(archive.get())) {
     unz_file_info64 info{};
-    std::array<char, kLongestPartName + 1> name{};
+    std::array<char, kMaxPartNameLength + 1> name{};
     int method = 0, level = 0;
     if (unzGetCurrentFileInfo64(archive.get(), &info, name.data(), name.size() - 1, nullptr, 0, nullptr, 0) != UNZ_OK ||
-        unzOpenCurrentFile2(archive.get(), &method, &level, 1) != UNZ_OK || parts_.size() >= kMostParts)
+        unzOpenCurrentFile2(archive.get(), &method, &level, 1) != UNZ_OK || parts_.size() >= kMaxParts)
       refuse();
     const std::uint64_t begin = unzGetCurrentFileZStreamPos64(archive.get());
     unzCloseCurrentFile(archive.get());

@@ -9,9 +9,9 @@
 namespace doppel {
 namespace {
 
-constexpr std::size_t kMostPickledTensors = 100'000, kMostPickledAxes = 16, kLongestKey = 200;
-constexpr std::size_t kMostTextBytes = 64 << 20;
-constexpr std::size_t kMostOthers = 5;
+constexpr std::size_t kMaxPickledTensors = 100'000, kMaxPickledAxes = 16, kMaxKeyLength = 200;
+constexpr std::size_t kMaxTextBytes = 64 << 20;
+constexpr std::size_t kMaxOthers = 5;
 
 using Kind = PickleValue::Kind;
 
@@ -78,7 +78,7 @@ class DictionaryBuilder {
         fail_at(where_, "the pickle holds two values with the name '{}'", excerpt(key.text()));
       if (key.kind() == Kind::text || key.kind() == Kind::bytes)
         add(built, copy(key.text()), value, is_root);
-      else if (built.others.size() < kMostOthers)
+      else if (built.others.size() < kMaxOthers)
         built.others.emplace_back("a key that is no text");
     }
     return built;
@@ -92,28 +92,28 @@ class DictionaryBuilder {
 
   void add(PickledDictionary& to, const std::string& name, const PickleValue& value, bool is_root) {
     if (is_object(value, kTensor)) {
-      if (++tensors_ > kMostPickledTensors) bad("more than {} tensors", kMostPickledTensors);
+      if (++tensors_ > kMaxPickledTensors) bad("more than {} tensors", kMaxPickledTensors);
       to.tensors.push_back(tensor(value.node()->items));
       to.tensors.back().name = name;
     } else if (value.kind() == Kind::text || value.kind() == Kind::bytes) {
       to.texts[name] = copy(value.text());
     } else if (value.kind() == Kind::dictionary && is_root) {
       to.dictionaries[name] = build(value, false);
-    } else if (to.others.size() < kMostOthers) {
+    } else if (to.others.size() < kMaxOthers) {
       to.others.push_back(excerpt(name));
     }
   }
 
   std::string copy(std::string_view text) {
     copied_ += text.size();
-    if (copied_ > kMostTextBytes) fail_at(where_, "the texts of the pickle take more than {} bytes", kMostTextBytes);
+    if (copied_ > kMaxTextBytes) fail_at(where_, "the texts of the pickle take more than {} bytes", kMaxTextBytes);
     return std::string(text);
   }
 
   PickledTensor tensor(const std::vector<PickleValue>& parts) const {
     const auto& storage = parts[0].node()->items;
     const std::string &type = storage[0].node()->text, key(storage[1].text());
-    if (key.size() > kLongestKey) bad("a tensor with a key of {} bytes", key.size());
+    if (key.size() > kMaxKeyLength) bad("a tensor with a key of {} bytes", key.size());
     PickledTensor tensor;
     tensor.storage = type.starts_with("torch.") ? type.substr(6) : type;
     tensor.key = key;
@@ -134,7 +134,7 @@ class DictionaryBuilder {
 
   std::vector<std::int64_t> integers(const PickleValue& sequence) const {
     if (sequence.kind() != Kind::list) bad("a tensor with an unknown description");
-    if (sequence.items().size() > kMostPickledAxes) bad("a tensor with {} axes", sequence.items().size());
+    if (sequence.items().size() > kMaxPickledAxes) bad("a tensor with {} axes", sequence.items().size());
     std::vector<std::int64_t> values;
     for (const PickleValue& value : sequence.items()) values.push_back(integer(value));
     return values;

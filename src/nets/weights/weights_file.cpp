@@ -40,8 +40,8 @@ constexpr std::array<NumberType, 10> kNumberTypes{{{"F32", torch::kFloat32},
 
 /// Larger than any tensor, small enough that products of two do not overflow 128 bits.
 constexpr std::int64_t kHugeSize = std::int64_t{1} << 48;
-constexpr std::size_t kMostAxes = 16, kMostTensors = 100'000, kMostDepth = 8;
-constexpr std::size_t kMostHeaderBytes = 100 << 20;  // as the safetensors library allows
+constexpr std::size_t kMaxAxes = 16, kMaxTensors = 100'000, kMaxDepth = 8;
+constexpr std::size_t kMaxHeaderBytes = 100 << 20;  // as the safetensors library allows
 
 constexpr std::size_t kLengthBytes = 8;
 
@@ -60,7 +60,7 @@ std::string_view safetensors_header(std::string_view bytes, const FileLocation& 
   if (length > bytes.size() - kLengthBytes)
     fail_at(where, "neither a .pth (zip) nor safetensors: the header would be {} bytes long, the file has {}", length,
             bytes.size());
-  if (length > kMostHeaderBytes) fail_at(where, "the header has {} bytes, allowed are {}", length, kMostHeaderBytes);
+  if (length > kMaxHeaderBytes) fail_at(where, "the header has {} bytes, allowed are {}", length, kMaxHeaderBytes);
   return bytes.substr(kLengthBytes, as_size(length));
 }
 
@@ -75,7 +75,7 @@ struct SafetensorsEntry {
     try {
       type = number_type(json.at("dtype").get<std::string>(), name, where);
       const auto &sizes = json.at("shape"), &offsets = json.at("data_offsets");
-      if (sizes.size() > kMostAxes || offsets.size() != 2) throw std::out_of_range("shape");
+      if (sizes.size() > kMaxAxes || offsets.size() != 2) throw std::out_of_range("shape");
       for (const auto& size : sizes) shape.push_back(whole_number(size));
       begin = static_cast<std::uint64_t>(whole_number(offsets.at(0)));
       end = static_cast<std::uint64_t>(whole_number(offsets.at(1)));
@@ -83,7 +83,7 @@ struct SafetensorsEntry {
       throw;
     } catch (const std::exception&) {
       fail_at(where, "tensor '{}' needs dtype, shape of at most {} sizes and data_offsets [begin, end], found {}",
-              excerpt(name), kMostAxes, excerpt(shown_json(json)));
+              excerpt(name), kMaxAxes, excerpt(shown_json(json)));
     }
     __int128 bytes = static_cast<__int128>(c10::elementSize(type));
     for (std::int64_t size : shape) bytes = std::min<__int128>(bytes * size, kHugeSize);
@@ -106,11 +106,10 @@ struct SafetensorsEntry {
 
 /// The tensors of a header, in the order of their numbers.
 std::vector<SafetensorsEntry> safetensors_entries(std::string_view header, const FileLocation& where) {
-  if (is_json_deeper_than(header, kMostDepth)) fail_at(where, "the header's lists are nested too deeply");
+  if (is_json_deeper_than(header, kMaxDepth)) fail_at(where, "the header's lists are nested too deeply");
   const nlohmann::json json = nlohmann::json::parse(header, nullptr, false);
   if (!json.is_object()) fail_at(where, "the header of a safetensors file must be a JSON object");
-  if (json.size() > kMostTensors)
-    fail_at(where, "the header has {} tensors, allowed are {}", json.size(), kMostTensors);
+  if (json.size() > kMaxTensors) fail_at(where, "the header has {} tensors, allowed are {}", json.size(), kMaxTensors);
   std::vector<SafetensorsEntry> entries;
   for (const auto& [name, entry] : json.items())
     if (name != "__metadata__") entries.emplace_back(name, entry, where);
@@ -121,7 +120,7 @@ std::vector<SafetensorsEntry> safetensors_entries(std::string_view header, const
 }
 
 /// Tensors must be contiguous, from the first byte to the last.
-void check_places(const std::vector<SafetensorsEntry>& entries, std::uint64_t size, const FileLocation& where) {
+void check_ranges(const std::vector<SafetensorsEntry>& entries, std::uint64_t size, const FileLocation& where) {
   std::uint64_t reached = 0;
   for (const SafetensorsEntry& entry : entries) {
     if (entry.begin != reached)
@@ -178,7 +177,7 @@ NamedWeights read_safetensors(const std::filesystem::path& path) {
   const std::string_view header = safetensors_header(bytes, where);
   const std::string_view data = std::string_view(bytes).substr(kLengthBytes + header.size());
   const std::vector<SafetensorsEntry> entries = safetensors_entries(header, where);
-  check_places(entries, data.size(), where);
+  check_ranges(entries, data.size(), where);
   NamedWeights weights;
   for (const SafetensorsEntry& entry : entries) {
     Tensor tensor = torch::empty(entry.shape, torch::TensorOptions().dtype(entry.type));

@@ -13,9 +13,9 @@ namespace {
 
 constexpr double kUpperRing = 0.55;    // elevation, radians
 constexpr double kInlierShare = 0.03;  // largest residual of an inlier view, share of the image
-constexpr int kFewestViews = 3;
-constexpr double kApart = 0.2;   // distance of the hips of two people, share of the image
-constexpr int kMostPairs = 200;  // of views that propose a point
+constexpr int kMinViews = 3;
+constexpr double kApart = 0.2;  // distance of the hips of two people, share of the image
+constexpr int kMaxPairs = 200;  // of views that propose a point
 
 Eigen::Vector2d hips_of(const BodyPose& pose) {
   const BodyLandmark &left = pose.landmarks[23], &right = pose.landmarks[24];
@@ -24,14 +24,14 @@ Eigen::Vector2d hips_of(const BodyPose& pose) {
 
 /// How many of the people are far from all before them.
 int count_people(const std::vector<BodyPose>& poses, double apart) {
-  std::vector<Eigen::Vector2d> places;
+  std::vector<Eigen::Vector2d> bodies;
   for (const BodyPose& pose : poses) {
-    const Eigen::Vector2d place = hips_of(pose);
-    if (std::all_of(places.begin(), places.end(),
-                    [&](const Eigen::Vector2d& other) { return (other - place).norm() > apart; }))
-      places.push_back(place);
+    const Eigen::Vector2d hips = hips_of(pose);
+    if (std::all_of(bodies.begin(), bodies.end(),
+                    [&](const Eigen::Vector2d& other) { return (other - hips).norm() > apart; }))
+      bodies.push_back(hips);
   }
-  return static_cast<int>(places.size());
+  return static_cast<int>(bodies.size());
 }
 
 ScanView look(ScanPainter& painter, BodyDetector& detector, const PinholeCamera& camera) {
@@ -62,9 +62,9 @@ void triangulate_landmark(BodyPoints& points, std::size_t landmark, int image_si
   points.visibility[landmark] = visibility / count;
   TriangulationOptions options;
   options.inlier_threshold = kInlierShare * image_size;
-  options.most_pairs = kMostPairs;
+  options.most_pairs = kMaxPairs;
   const auto found = triangulate(sights, options);
-  if (!found || found->views < kFewestViews) return;
+  if (!found || found->views < kMinViews) return;
   points.positions[landmark] = found->position;
   const double depth = (found->position - points.views[0].camera.centre()).norm();
   points.error[landmark] = found->error * depth * scale / count;

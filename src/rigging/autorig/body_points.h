@@ -18,7 +18,7 @@ struct BodyPointsOptions {
   BodyDetectorOptions detector{.masks = false};
 };
 
-/// What the detector saw in one picture of the scan.
+/// What the detector saw in one image of the scan.
 struct ScanView {
   PinholeCamera camera;
   cv::Mat image;                 ///< 8-bit BGR
@@ -37,7 +37,7 @@ struct BodyPoints {
   int views_with_person() const;
 };
 
-/// Draws the scan from cameras around it, runs BlazePose on the pictures, and triangulates the landmarks. Whether a
+/// Draws the scan from cameras around it, runs BlazePose on the images, and triangulates the landmarks. Whether a
 /// person is there at all is for the caller to judge.
 /// @param mesh metres, y up
 BodyPoints find_body_points(const TriangleMesh& mesh, const BodyPointsOptions& options = {});

@@ -8,7 +8,7 @@
 #include "doppel/core/log.h"
 #include "doppel/rigging/autorig/find_joints.h"
 #include "doppel/rigging/autorig/pose_sheet.h"
-#include "doppel/rigging/joints/place_inside.h"
+#include "doppel/rigging/joints/move_inside.h"
 #include "doppel/rigging/make_character.h"
 #include "doppel/rigging/scan/atlas.h"
 #include "doppel/rigging/scan/repair.h"
@@ -27,7 +27,7 @@ void append(std::vector<std::string>& notes, const std::vector<std::string>& mor
   notes.insert(notes.end(), more.begin(), more.end());
 }
 
-/// The joints of the file or those found in pictures, metres.
+/// The joints of the file or those found in images, metres.
 BodyJoints joints_of(const TriangleMesh& mesh, const Eigen::Affine3d& file_from_character,
                      const CreateCharacterOptions& options, CreatedCharacter& result) {
   if (options.joints) {
@@ -37,14 +37,14 @@ BodyJoints joints_of(const TriangleMesh& mesh, const Eigen::Affine3d& file_from_
     return joints;
   }
   FoundJoints found = find_joints(mesh, options.points);
-  result.notes.push_back(fmt::format("a person was found in {} of {} pictures of the scan",
+  result.notes.push_back(fmt::format("a person was found in {} of {} images of the scan",
                                      found.points.views_with_person(), found.points.views.size()));
   append(result.notes, found.doubts);
   result.joint_sheet = draw_joint_sheet(found.points.views, found.joints);
   return found.joints;
 }
 
-/// Pictures of two persons far apart show each of them small, and the detector may find one of them only. Their shape
+/// Images of two persons far apart show each of them small, and the detector may find one of them only. Their shape
 /// tells: between them is nothing.
 void refuse_several_bodies(const ScanOrientation& orientation) {
   if (orientation.shape.largest_share < kOneBody)
@@ -104,7 +104,7 @@ CreatedCharacter create_character(const std::string& name, const ScanParts& scan
   VoxelSolidOptions voxels;
   voxels.cell = options.cell;
   const SolidGrid solid = solid_grid(VoxelSolid(mesh, voxels));
-  if (!options.joints) place_inside(joints, solid);
+  if (!options.joints) move_inside(joints, solid);
   append(result.notes, touching_arms(joints, solid));
   result.joints.joints = joints;
 

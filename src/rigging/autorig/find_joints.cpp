@@ -14,25 +14,25 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kFewestWithPerson = 0.25;         // share of the views; stylised figures are found in few
-constexpr double kMostWithSeveral = 0.4;           // share of the views
+constexpr double kMinShareWithPerson = 0.25;       // share of the views; stylised figures are found in few
+constexpr double kMaxShareWithSeveral = 0.4;       // share of the views
 constexpr double kSeenLegs = 0.3;                  // mean visibility of knees and ankles
 constexpr double kBelowScan = 0.05;                // ankles may lie below the scan by this share of its height
 constexpr double kBentHip = 1.2, kBentKnee = 1.2;  // radians from straight: a person who sits
 
 void check_people(const BodyPoints& points) {
   const double count = static_cast<double>(points.views.size());
-  if (points.views_with_person() < kFewestWithPerson * count)
+  if (points.views_with_person() < kMinShareWithPerson * count)
     fail(
-        "finding joints: a person was found in {} of {} pictures of the scan; expected is one standing person. If the "
+        "finding joints: a person was found in {} of {} images of the scan; expected is one standing person. If the "
         "scan lies on its side or stands on its head, say which axis points up (--up); if it is no whole person, give "
         "the joints yourself (--joints)",
         points.views_with_person(), points.views.size());
   const auto several =
       std::count_if(points.views.begin(), points.views.end(), [](const ScanView& view) { return view.people > 1; });
-  if (static_cast<double>(several) > kMostWithSeveral * count)
+  if (static_cast<double>(several) > kMaxShareWithSeveral * count)
     fail(
-        "finding joints: {} of {} pictures of the scan show more than one person; cut the scan so that one person is "
+        "finding joints: {} of {} images of the scan show more than one person; cut the scan so that one person is "
         "left",
         several, points.views.size());
 }
@@ -100,7 +100,7 @@ FoundJoints find_joints(const TriangleMesh& mesh, const BodyPointsOptions& optio
   found.joints = joints_from_points(found.points.positions);
   for (const std::string& name : limb_joint_names())
     if (!found.joints.has(name))
-      fail("finding joints: {} was seen in fewer than three of {} pictures; give the joints yourself (--joints)", name,
+      fail("finding joints: {} was seen in fewer than three of {} images; give the joints yourself (--joints)", name,
            found.points.views.size());
   complete_joints(found.joints);
   if (const std::string fault = pose_fault(found.joints); !fault.empty()) fail("finding joints: {}", fault);

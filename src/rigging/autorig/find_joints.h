@@ -14,17 +14,17 @@ struct FoundJoints {
   std::vector<std::string> doubts;  ///< sentences for the user, e.g. of arms that touch the trunk
 };
 
-/// Finds the joints of a scan of one standing person: BlazePose in pictures from cameras around the scan, landmarks in
+/// Finds the joints of a scan of one standing person: BlazePose in images from cameras around the scan, landmarks in
 /// space, joints.
 /// @param mesh metres, y up
-/// @throws Error in a sentence that says how to mend it: no person in the pictures, two persons, no legs (a bust), a
+/// @throws Error in a sentence that says how to mend it: no person in the images, two persons, no legs (a bust), a
 ///   person who sits, or lengths of bones that no body has
 FoundJoints find_joints(const TriangleMesh& mesh, const BodyPointsOptions& options = {});
 
 /// What is wrong with the pose of a body, which prevents a rig; empty: nothing.
 std::string pose_fault(const BodyJoints& joints);
 
-/// The pictures of the first ring as one sheet, with joints and bones drawn on the scan. 8-bit BGR.
+/// The images of the first ring as one sheet, with joints and bones drawn on the scan. 8-bit BGR.
 cv::Mat draw_joint_sheet(const std::vector<ScanView>& views, const BodyJoints& joints, int columns = 4);
 
 }  // namespace doppel

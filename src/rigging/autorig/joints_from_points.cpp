@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 /// 0.03.
 const Vector3d kShoulder(0.0, -0.06, -0.02), kHip(0.014, -0.04, -0.02), kElbow(0.0, 0.0, -0.024),
     kWrist(0.0, 0.01, -0.017), kKnee(0.015, -0.03, 0.0), kAnkle(0.0, -0.06, 0.0);
-constexpr double kBallOfFoot = 0.72;  ///< place of the ball between heel and tip of the big toe
+constexpr double kBallOfFoot = 0.72;  ///< position of the ball between heel and tip of the big toe
 
 class JointFinder {
  public:

@@ -22,7 +22,7 @@ struct BodyCover {
 
 namespace {
 
-/// Place along a bone: 0 at its first joint, 1 at its second.
+/// Position along a bone: 0 at its first joint, 1 at its second.
 double along(const Vector3d& p, const Vector3d& from, const Vector3d& to) {
   return (p - from).dot(to - from) / (to - from).squaredNorm();
 }

@@ -219,7 +219,7 @@ Vector3d BodyWarp::bone_point(int segment, const Vector3d& reference, const Map&
   return map.origin_[segment] + frame.axes * local.cwiseProduct(Vector3d(along, side, along));
 }
 
-void BodyWarp::place_limbs(Map& map, int side) const {
+void BodyWarp::put_limbs(Map& map, int side) const {
   const auto end = [&](int segment) {
     const Frame& frame = frames_[segment];
     return Vector3d(map.origin_[segment] + map.factors_[frame.along] * frame.length * frame.axes.col(0));
@@ -234,11 +234,11 @@ void BodyWarp::place_limbs(Map& map, int side) const {
   map.origin_[kLeftFootSegment + side] = end(kLeftShinSegment + side);
 }
 
-void BodyWarp::place_origins(Map& map) const {
+void BodyWarp::put_origins(Map& map) const {
   map.origin_[kTrunkSegment] = frames_[kTrunkSegment].origin;
   map.origin_[kNeckSegment] = bone_point(kTrunkSegment, frames_[kNeckSegment].origin, map);
   map.origin_[kHeadSegment] = bone_point(kNeckSegment, frames_[kHeadSegment].origin, map);
-  for (const int side : {0, kSideSegments}) place_limbs(map, side);
+  for (const int side : {0, kSideSegments}) put_limbs(map, side);
   const double ankle = 0.5 * (map.origin_[kLeftFootSegment].y() + map.origin_[kRightFootSegment].y());
   const double wanted =
       0.5 * map.factors_[kAnkleHeight] * (frames_[kLeftFootSegment].origin.y() + frames_[kRightFootSegment].origin.y());
@@ -249,15 +249,15 @@ BodyWarp::Map BodyWarp::map(const BodyFactors& factors) const {
   Map map;
   map.warp_ = this;
   map.factors_ = factors;
-  place_origins(map);
+  put_origins(map);
   return map;
 }
 
 Vector3d BodyWarp::Map::point(const Vector3d& reference, const SegmentWeights& weights) const {
-  constexpr double kLeast = 1e-9;
+  constexpr double kMinWeight = 1e-9;
   Vector3d sum = Vector3d::Zero();
   for (int s = 0; s < kNumSegments; ++s)
-    if (weights[s] > kLeast) sum += weights[s] * warp_->segment_point(s, reference, *this);
+    if (weights[s] > kMinWeight) sum += weights[s] * warp_->segment_point(s, reference, *this);
   return sum;
 }
 
@@ -281,8 +281,8 @@ BodyJoints BodyWarp::Map::joints() const {
            : part == "knee" ? kLeftShinSegment + side
                             : static_cast<int>(kHeadSegment);
   };
-  for (const auto& [name, place] : warp_->joints_.positions)
-    moved.positions[name] = warp_->bone_point(segment_of(name), place, *this);
+  for (const auto& [name, position] : warp_->joints_.positions)
+    moved.positions[name] = warp_->bone_point(segment_of(name), position, *this);
   return moved;
 }
 

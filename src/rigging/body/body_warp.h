@@ -84,7 +84,7 @@ std::vector<SegmentWeights> segment_weights(const TriangleMesh& mesh, const Skin
 
 /// Heights on the trunk, from the middle of the hips (0) to the neck (1), where girths are taken.
 inline constexpr double kHipLevel = 0.03, kWaistLevel = 0.28, kChestLevel = 0.57, kShoulderLevel = 0.85;
-/// Places on the limbs, from the upper joint (0) to the lower one (1), where girths are taken.
+/// Positions on the limbs, from the upper joint (0) to the lower one (1), where girths are taken.
 inline constexpr double kUpperArmLevel = 0.55, kForearmLevel = 0.25, kWristLevel = 0.96, kThighLevel = 0.30,
                         kKneeLevel = 1.0, kCalfLevel = 0.28, kAnkleLevel = 0.86;
 
@@ -135,8 +135,8 @@ class BodyWarp {
   Across across(int segment, double t, const Map& map) const;
   Eigen::Vector3d bone_point(int segment, const Eigen::Vector3d& reference, const Map& map) const;
   Eigen::Vector3d segment_point(int segment, const Eigen::Vector3d& reference, const Map& map) const;
-  void place_origins(Map& map) const;
-  void place_limbs(Map& map, int side) const;
+  void put_origins(Map& map) const;
+  void put_limbs(Map& map, int side) const;
 
   BodyJoints joints_;
   std::array<Frame, kNumSegments> frames_;

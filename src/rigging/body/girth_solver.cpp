@@ -47,9 +47,9 @@ SurfaceLoop outermost(const SurfaceLoop& loop, const std::vector<Vector3d>& vert
 
 GirthSolver::GirthSolver(const TriangleMesh& mesh, const std::vector<SegmentWeights>& weights, const BodyWarp& warp)
     : warp_(warp), reference_(measure_body(mesh, warp.reference())) {
-  std::map<int, int> place;  // of a vertex among those that are kept
+  std::map<int, int> position;  // of a vertex among those that are kept
   const auto keep = [&](int vertex) {
-    const auto [entry, added] = place.emplace(vertex, static_cast<int>(vertices_.size()));
+    const auto [entry, added] = position.emplace(vertex, static_cast<int>(vertices_.size()));
     if (added) {
       vertices_.push_back(mesh.vertices[vertex]);
       weights_.push_back(weights[vertex]);

@@ -20,7 +20,7 @@ struct BodyMeasure {
 /// are perimeters of the body without loose clothes, in planes across the limb or the trunk.
 const std::vector<BodyMeasure>& body_measures();
 
-/// The place of a measure in the vectors.
+/// The position of a measure in the vectors.
 /// @throws UsageError for a name that is none of the measures; the message lists them
 int measure_index(const std::string& name);
 

@@ -92,7 +92,7 @@ constexpr std::array<LengthRange, 6> kLengths{{{"shoulder", "elbow", 0.3, 1.1},
                                                {"knee", "ankle", 0.4, 1.5},
                                                {"ankle", "toe", 0.05, 0.7},
                                                {"clavicle", "shoulder", 0.05, 0.6}}};
-constexpr double kLargestAsymmetry = 1.35;
+constexpr double kMaxAsymmetry = 1.35;
 
 void examine_lengths(const BodyJoints& joints, double trunk, std::vector<std::string>& faults) {
   for (const LengthRange& range : kLengths) {
@@ -110,7 +110,7 @@ void examine_lengths(const BodyJoints& joints, double trunk, std::vector<std::st
         faults.push_back(fmt::format("{0}{1} to {0}{2} is {3:.3f} m, {4:.2f} times the trunk; allowed is {5} to {6}",
                                      prefix, range.from, range.to, l, l / trunk, range.least, range.most));
     }
-    if (known && std::max(length[0], length[1]) > kLargestAsymmetry * std::min(length[0], length[1]))
+    if (known && std::max(length[0], length[1]) > kMaxAsymmetry * std::min(length[0], length[1]))
       faults.push_back(fmt::format("{} to {} is {:.3f} m on the left and {:.3f} m on the right", range.from, range.to,
                                    length[0], length[1]));
   }

@@ -17,10 +17,10 @@ class MarkerBuilder {
       : joints(all_joints), mesh(template_mesh), body_(body), rest_from_joint_(body.skeleton.pose(body.rest_dofs)) {}
 
   /// @param bone the last joint of this bone carries the marker
-  void add(const std::string& name, const std::string& bone, const Vector3d& place) {
+  void add(const std::string& name, const std::string& bone, const Vector3d& position) {
     constexpr double kSize = 0.02;
     const int joint = body_.skeleton.joint_of_bone(bone, BoneRule::exact);
-    body_.skeleton.markers.push_back({name, joint, rest_from_joint_[joint].inverse(Eigen::Isometry) * place, kSize});
+    body_.skeleton.markers.push_back({name, joint, rest_from_joint_[joint].inverse(Eigen::Isometry) * position, kSize});
   }
   /// The direction in the rest pose of an axis of a bone's frame.
   Vector3d direction(const std::string& bone, const Vector3d& axis) const {
@@ -113,12 +113,12 @@ void add_hand_markers(MarkerBuilder& b, const Side& side) {
   const Vector3d hand = b.joints.at(side.name + "fingertip") - wrist;
   const double length = hand.norm();
   const Vector3d along = hand / length, thumb = thumb_direction(b, side, along, length);
-  const auto place = [&](double a, double t) { return Vector3d(wrist + length * (a * along + t * thumb)); };
+  const auto position = [&](double a, double t) { return Vector3d(wrist + length * (a * along + t * thumb)); };
   const std::string bone = side.bone + "Hand";
   b.add(side.name + "hand_root", bone, wrist);
   constexpr std::array<std::array<double, 2>, 4> kThumb{{{0.13, 0.13}, {0.33, 0.24}, {0.48, 0.31}, {0.62, 0.35}}};
   for (std::size_t k = 0; k < 4; ++k)
-    b.add(side.name + "thumb" + std::to_string(k + 1), bone, place(kThumb[k][0], kThumb[k][1]));
+    b.add(side.name + "thumb" + std::to_string(k + 1), bone, position(kThumb[k][0], kThumb[k][1]));
   struct Finger {
     const char* name;
     double knuckle, tip, across_knuckle, across_tip;
@@ -131,11 +131,11 @@ void add_hand_markers(MarkerBuilder& b, const Side& side) {
   for (const Finger& f : kFingers)
     for (std::size_t k = 0; k < 4; ++k)
       b.add(side.name + f.name + std::to_string(k + 1), bone,
-            place(f.knuckle + kJoint[k] * (f.tip - f.knuckle),
-                  f.across_knuckle + kJoint[k] * (f.across_tip - f.across_knuckle)));
-  b.add(side.name + "thumb", bone, place(kThumb[1][0], kThumb[1][1]));
-  b.add(side.name + "index", bone, place(kFingers[0].knuckle, kFingers[0].across_knuckle));
-  b.add(side.name + "pinky", bone, place(kFingers[3].knuckle, kFingers[3].across_knuckle));
+            position(f.knuckle + kJoint[k] * (f.tip - f.knuckle),
+                     f.across_knuckle + kJoint[k] * (f.across_tip - f.across_knuckle)));
+  b.add(side.name + "thumb", bone, position(kThumb[1][0], kThumb[1][1]));
+  b.add(side.name + "index", bone, position(kFingers[0].knuckle, kFingers[0].across_knuckle));
+  b.add(side.name + "pinky", bone, position(kFingers[3].knuckle, kFingers[3].across_knuckle));
 }
 
 void add_arm_markers(MarkerBuilder& b, const Side& side) {

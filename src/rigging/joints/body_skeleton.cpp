@@ -23,37 +23,37 @@ double smooth_share(double low, double high, double value) {
 /// The difference of two angles, -pi..pi.
 double wrapped(double angle) { return std::remainder(angle, 2 * M_PI); }
 
-/// Collects joints with their rest places. The rotations of the rest pose turn the offsets back to the zero pose.
+/// Collects joints with their rest positions. The rotations of the rest pose turn the offsets back to the zero pose.
 class RestSkeleton {
  public:
-  /// A joint without motion. @param place in the rest pose, metres
-  int fixed(const std::string& name, int parent, const Vector3d& place) {
-    return add(name, parent, place, Vector3d::UnitX(), Joint::Type::revolute, 0.0);
+  /// A joint without motion. @param position in the rest pose, metres
+  int fixed(const std::string& name, int parent, const Vector3d& position) {
+    return add(name, parent, position, Vector3d::UnitX(), Joint::Type::revolute, 0.0);
   }
 
   /// A joint and a DoF of the same name.
-  int turning(const std::string& name, int parent, const Vector3d& place, const Vector3d& axis, double rest, double low,
-              double high) {
-    const int j = add(name, parent, place, axis, Joint::Type::revolute, rest);
+  int turning(const std::string& name, int parent, const Vector3d& position, const Vector3d& axis, double rest,
+              double low, double high) {
+    const int j = add(name, parent, position, axis, Joint::Type::revolute, rest);
     dof(name, {{j, 1.0}}, rest, low, high);
     return j;
   }
 
   /// A joint that turns with a share of a DoF that is added later.
-  int sharing(const std::string& name, int parent, const Vector3d& place, const Vector3d& axis, double angle) {
-    return add(name, parent, place, axis, Joint::Type::revolute, angle);
+  int sharing(const std::string& name, int parent, const Vector3d& position, const Vector3d& axis, double angle) {
+    return add(name, parent, position, axis, Joint::Type::revolute, angle);
   }
 
   int root(const std::string& name, int parent, const Vector3d& axis, bool translation, double rest) {
     // A joint translation is in millimetres; the weight makes the unit of the DoF metres.
-    const int j = add(name, parent, rest_place_, translation ? Vector3d(0.001 * axis) : axis,
+    const int j = add(name, parent, rest_position_, translation ? Vector3d(0.001 * axis) : axis,
                       translation ? Joint::Type::prismatic : Joint::Type::revolute, translation ? 0.0 : rest);
     body.skeleton.joints.back().offset.setZero();
     body.skeleton.dofs.push_back({name, {{j, translation ? 1000.0 : 1.0}}, std::nullopt});
     body.rest_dofs.push_back(rest);
     return j;
   }
-  void begin(const Vector3d& root_place) { rest_place_ = root_place; }
+  void begin(const Vector3d& root_position) { rest_position_ = root_position; }
 
   void dof(const std::string& name, const std::vector<Dof::Drive>& drives, double rest, double low, double high) {
     constexpr double kMargin = 0.05;
@@ -68,18 +68,19 @@ class RestSkeleton {
   BodySkeleton body;
 
  private:
-  int add(const std::string& name, int parent, const Vector3d& place, const Vector3d& axis, Joint::Type type,
+  int add(const std::string& name, int parent, const Vector3d& position, const Vector3d& axis, Joint::Type type,
           double angle) {
     const Matrix3d above = parent < 0 ? Matrix3d::Identity() : rotations_[parent];
-    const Vector3d offset = parent < 0 ? Vector3d::Zero() : Vector3d(above.transpose() * (place - places_[parent]));
+    const Vector3d offset =
+        parent < 0 ? Vector3d::Zero() : Vector3d(above.transpose() * (position - positions_[parent]));
     body.skeleton.joints.push_back({name, type, parent, offset, axis});
-    places_.push_back(place);
+    positions_.push_back(position);
     rotations_.push_back(type == Joint::Type::revolute ? Matrix3d(above * turn(angle, axis)) : above);
     return body.skeleton.num_joints() - 1;
   }
 
-  Vector3d rest_place_;
-  std::vector<Vector3d> places_;
+  Vector3d rest_position_;
+  std::vector<Vector3d> positions_;
   std::vector<Matrix3d> rotations_;
 };
 
@@ -106,7 +107,7 @@ int add_root(RestSkeleton& b, const BodyJoints& joints) {
 /// A joint of the spine or the neck and its share of their DoFs.
 struct Link {
   std::string name;
-  Vector3d place;
+  Vector3d position;
   double share;
 };
 struct SharedAxis {
@@ -121,7 +122,7 @@ int add_links(RestSkeleton& b, int parent, const std::vector<Link>& links, const
   std::vector<std::vector<Dof::Drive>> drives(axes.size());
   for (const Link& link : links)
     for (std::size_t i = 0; i < axes.size(); ++i) {
-      parent = b.sharing(link.name + axes[i].suffix, parent, link.place, axes[i].axis, link.share * axes[i].rest);
+      parent = b.sharing(link.name + axes[i].suffix, parent, link.position, axes[i].axis, link.share * axes[i].rest);
       drives[i].push_back({parent, link.share});
     }
   for (std::size_t i = 0; i < axes.size(); ++i)
@@ -245,7 +246,7 @@ void check_lengths(const BodyJoints& joints) {
   for (const auto& [from, to] : bones)
     for (const std::string side : {"left_", "right_"})
       if (!((joints.at(side + from) - joints.at(side + to)).norm() > 1e-4))
-        fail("the skeleton of a body: {0}{1} and {0}{2} lie at one place; a bone needs a length", side, from, to);
+        fail("the skeleton of a body: {0}{1} and {0}{2} lie at one position; a bone needs a length", side, from, to);
 }
 
 }  // namespace

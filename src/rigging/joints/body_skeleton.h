@@ -38,7 +38,7 @@ std::vector<HeatBone> heat_bones(BodyJoints joints);
 void add_body_markers(BodySkeleton& body, const BodyJoints& joints, const TriangleMesh& mesh);
 
 /// LIP labels by region [N]: hair, face, upper clothes, arms, pants, shoes, from the bone that moves a vertex most and
-/// its place along the bone. Clothes are not told from skin: trunk and upper arms count as upper clothes, legs as
+/// its position along the bone. Clothes are not told from skin: trunk and upper arms count as upper clothes, legs as
 /// pants, forearms, hands, neck and face as skin, feet as shoes.
 std::vector<int> region_labels(const TriangleMesh& mesh, const SkinningWeights& skin, const BodyJoints& joints);
 

@@ -25,8 +25,9 @@ class BendingLimb {
       : field_(field),
         rest_(character.mesh.vertices),
         hinge_(hinge),
-        piece_(rest_, character.mesh.faces, members_of_limb(field, hinge), hinge.places) {
-    const Vector3d upper = hinge.places.joint - hinge.places.top, lower = hinge.places.end - hinge.places.joint;
+        piece_(rest_, character.mesh.faces, members_of_limb(field, hinge), hinge.positions) {
+    const Vector3d upper = hinge.positions.joint - hinge.positions.top,
+                   lower = hinge.positions.end - hinge.positions.joint;
     along_ = (upper.normalized() + lower.normalized()).normalized();
     inner_ = hinge.axis.cross(along_).normalized();
     measure(kMiddleOfLimb * 0.5 * (upper.norm() + lower.norm()));
@@ -46,7 +47,7 @@ class BendingLimb {
   /// w^q / (w^q + (1 - w)^q), see keep_hinge_volumes. @param c strength
   double tilted(int vertex, double weight, double c) const {
     if (weight < kOneBoneOnly || weight > 1.0 - kOneBoneOnly) return weight;
-    const Vector3d p = rest_[vertex] - hinge_.places.joint;
+    const Vector3d p = rest_[vertex] - hinge_.positions.joint;
     const double side = std::clamp(((p - middle_).dot(inner_)) / radius_, -1.0, 1.0);
     const double away = p.dot(along_) / (kReachOfTilt * radius_);
     const double power = std::exp(c * side * std::exp(-0.5 * away * away));
@@ -77,7 +78,7 @@ class BendingLimb {
     std::vector<std::pair<double, Vector3d>> near;
     for (const Triangle& face : piece_.faces()) {
       const Vector3d &a = rest_[face[0]], &b = rest_[face[1]], &c = rest_[face[2]];
-      const Vector3d centre = (a + b + c) / 3.0 - hinge_.places.joint;
+      const Vector3d centre = (a + b + c) / 3.0 - hinge_.positions.joint;
       if (std::abs(centre.dot(along_)) > window) continue;
       near.emplace_back(0.5 * (b - a).cross(c - a).norm(), centre);
       area += near.back().first;
@@ -93,7 +94,7 @@ class BendingLimb {
     std::vector<Vector3d> bent = rest_;
     for (const int v : piece_.vertices()) {
       const Eigen::AngleAxisd turn(kBentHinge * tilted(v, weight(v), c), hinge_.axis);
-      bent[v] = hinge_.places.joint + turn * (rest_[v] - hinge_.places.joint);
+      bent[v] = hinge_.positions.joint + turn * (rest_[v] - hinge_.positions.joint);
     }
     return piece_.volume(bent);
   }

@@ -9,9 +9,9 @@ namespace doppel {
 ///
 /// Where the bones below a hinge have the weight w, a point p (from the joint) turns by the angle w theta about the
 /// axis a. This motion changes the volume by theta times the integral of (a x p) . grad w (hinge volume). If w depends
-/// on the place along the limb alone, the limb loses theta times its cross-section times the distance of the section's
-/// middle from the axis, towards the inner side of the joint, however long the transition between the bones is. Joints
-/// of people do lie off the middle, and clothes move the middle.
+/// on the position along the limb alone, the limb loses theta times its cross-section times the distance of the
+/// section's middle from the axis, towards the inner side of the joint, however long the transition between the bones
+/// is. Joints of people do lie off the middle, and clothes move the middle.
 ///
 /// So the transition becomes longer on the outer side and shorter on the inner side, or the other way round for a limb
 /// that gains: w^q / (w^q + (1 - w)^q) replaces w, with q = exp(c s t) for the share s of the limb's radius on the

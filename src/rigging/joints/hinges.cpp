@@ -27,12 +27,12 @@ bool moves(const Skeleton& skeleton, int upper, int joint) {
 Hinge hinge_of(const Character& character, const std::vector<Eigen::Affine3d>& rest,
                const std::vector<std::string>& bones, const std::string& end) {
   const auto joint_of = [&](const std::string& bone) { return character.bone_joint[index_of_bone(character, bone)]; };
-  const auto place = [&](int joint) { return Eigen::Vector3d(rest[joint].translation()); };
+  const auto position = [&](int joint) { return Eigen::Vector3d(rest[joint].translation()); };
   Hinge hinge;
   for (const std::string& bone : bones) hinge.limb.push_back(index_of_bone(character, bone));
   const int joint = joint_of(bones[1]);
   for (const int other : character.bone_joint) hinge.below.push_back(moves(character.skeleton, joint, other));
-  hinge.places = {place(joint_of(bones[0])), place(joint), place(joint_of(end))};
+  hinge.positions = {position(joint_of(bones[0])), position(joint), position(joint_of(end))};
   hinge.axis = (rest[joint].linear() * character.skeleton.joints[joint].axis).normalized();
   return hinge;
 }

@@ -12,7 +12,7 @@ struct Hinge {
   bool knee = false;        ///< or an elbow
   std::vector<int> limb;    ///< bones on both sides of the joint, the upper one first
   std::vector<bool> below;  ///< [Bn] the bones that the joint moves
-  LimbPlaces places;
+  LimbPositions positions;
   Eigen::Vector3d axis;  ///< unit; a positive angle bends the limb
 };
 

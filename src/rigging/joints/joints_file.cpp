@@ -13,7 +13,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kMostJsonDepth = 100;
+constexpr std::size_t kMaxJsonDepth = 100;
 
 std::string full_name(const std::string& name) {
   if (name.starts_with("l_")) return "left_" + name.substr(2);
@@ -62,9 +62,9 @@ void check_name(const FileLocation& file, const std::string& written, const std:
 
 Json parse(const std::filesystem::path& path) {
   const std::string text = read_file(path, 1 << 24);
-  if (is_json_deeper_than(text, kMostJsonDepth))
+  if (is_json_deeper_than(text, kMaxJsonDepth))
     fail_at({path.string(), 0}, "not a JSON file of joints: lists and objects are nested more than {} deep",
-            kMostJsonDepth);
+            kMaxJsonDepth);
   try {
     return Json::parse(text);
   } catch (const nlohmann::json::exception& error) {

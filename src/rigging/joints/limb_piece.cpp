@@ -13,7 +13,7 @@ namespace {
 using Eigen::Vector3d;
 using Edge = std::array<int, 2>;
 
-constexpr double kLongestHole = 0.5;  // share of the length of a piece
+constexpr double kMaxHole = 0.5;  // share of the length of a piece
 
 /// The directed edges of a surface without a partner in the opposite direction, each as often as it lacks partners.
 std::vector<Edge> open_edges(const std::vector<Triangle>& faces) {
@@ -39,9 +39,9 @@ double tetrahedron(const Vector3d& a, const Vector3d& b, const Vector3d& c) { re
 }  // namespace
 
 LimbPiece::LimbPiece(const std::vector<Vector3d>& vertices, const std::vector<Triangle>& faces,
-                     const std::vector<bool>& of_limb, const LimbPlaces& places) {
-  const Vector3d upper = places.joint - places.top, lower = places.end - places.joint;
-  const Vector3d from = places.top + 0.5 * upper, to = places.joint + 0.5 * lower;
+                     const std::vector<bool>& of_limb, const LimbPositions& positions) {
+  const Vector3d upper = positions.joint - positions.top, lower = positions.end - positions.joint;
+  const Vector3d from = positions.top + 0.5 * upper, to = positions.joint + 0.5 * lower;
   const auto inside = [&](int v) {
     const Vector3d& p = vertices[v];
     return of_limb[v] && (p - from).dot(upper) >= 0.0 && (p - to).dot(lower) <= 0.0;
@@ -64,7 +64,7 @@ LimbPiece::LimbPiece(const std::vector<Vector3d>& vertices, const std::vector<Tr
       low = std::min(low, along);
       high = std::max(high, along);
     }
-    if (high - low > kLongestHole) {
+    if (high - low > kMaxHole) {
       faces_.clear();
       caps_.clear();
       return;

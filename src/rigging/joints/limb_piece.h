@@ -6,8 +6,9 @@
 
 namespace doppel {
 
-/// The places of a limb's joints, metres: the upper bone runs from `top` to `joint`, the lower one from there to `end`.
-struct LimbPlaces {
+/// The positions of a limb's joints, metres: the upper bone runs from `top` to `joint`, the lower one from there to
+/// `end`.
+struct LimbPositions {
   Eigen::Vector3d top, joint, end;
 };
 
@@ -20,7 +21,7 @@ class LimbPiece {
  public:
   /// @param vertices [N] in the rest pose @param of_limb [N] whether a vertex belongs to the limb
   LimbPiece(const std::vector<Eigen::Vector3d>& vertices, const std::vector<Triangle>& faces,
-            const std::vector<bool>& of_limb, const LimbPlaces& places);
+            const std::vector<bool>& of_limb, const LimbPositions& positions);
 
   bool empty() const { return faces_.empty(); }
   const std::vector<Triangle>& faces() const { return faces_; }

@@ -20,7 +20,7 @@ class SlicePlane {
     v_ = along.cross(u_);
     inside_.resize(width() * width());
     for (int j = -half_; j <= half_; ++j)
-      for (int i = -half_; i <= half_; ++i) inside_[index(i, j)] = solid.is_inside(place(i, j)) ? 1 : 0;
+      for (int i = -half_; i <= half_; ++i) inside_[index(i, j)] = solid.is_inside(position(i, j)) ? 1 : 0;
   }
 
   /// The sample inside of the solid that is nearest to the middle.
@@ -70,7 +70,7 @@ class SlicePlane {
  private:
   int width() const { return 2 * half_ + 1; }
   std::size_t index(int i, int j) const { return as_size((j + half_) * width() + i + half_); }
-  Eigen::Vector3d place(int i, int j) const { return point_ + step_ * (i * u_ + j * v_); }
+  Eigen::Vector3d position(int i, int j) const { return point_ + step_ * (i * u_ + j * v_); }
 
   Eigen::Vector3d point_, u_, v_;
   double step_;

@@ -7,7 +7,7 @@
 
 namespace doppel {
 
-/// The part of a solid's cross-section that is connected with the place nearest to a point.
+/// The part of a solid's cross-section that is connected with the position nearest to a point.
 struct LimbSlice {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of the area, metres
   double radius = 0.0;                               ///< of a disc of the same area, metres

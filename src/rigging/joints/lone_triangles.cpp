@@ -6,7 +6,7 @@
 
 #include "doppel/character/blend_skin.h"
 #include "doppel/core/as_size.h"
-#include "doppel/rigging/joints/same_places.h"
+#include "doppel/rigging/joints/same_positions.h"
 #include "doppel/rigging/joints/sticking.h"
 #include "doppel/rigging/weights/stretch.h"
 #include "doppel/rigging/weights/test_poses.h"
@@ -16,7 +16,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kMostRounds = 150;
+constexpr int kMaxRounds = 150;
 constexpr float kApproach = 0.5F;  // share of the way to the mean in a round
 
 /// The rows of integers that list for each number 0 .. count - 1 where it stands in `numbers`.
@@ -39,11 +39,12 @@ class PosedTemplate {
         options_(options),
         limit_(stretch),
         neighbours_(face_neighbours(mesh_.faces)),
-        place_(same_places(mesh_.vertices)) {
+        position_(same_positions(mesh_.vertices)) {
     std::vector<int> corners;
     for (const Triangle& face : mesh_.faces) corners.insert(corners.end(), face.begin(), face.end());
     corners_at_ = inverse_of(corners, mesh_.num_vertices());
-    vertices_at_ = inverse_of(place_, place_.empty() ? 0 : 1 + *std::max_element(place_.begin(), place_.end()));
+    vertices_at_ =
+        inverse_of(position_, position_.empty() ? 0 : 1 + *std::max_element(position_.begin(), position_.end()));
     for (const TestPose& pose : test_poses(character.skeleton, character.rest_dofs)) {
       blends_.emplace_back(bone_motions(character, pose.dofs), character.skinning);
       posed_.push_back(mesh_.vertices);
@@ -68,11 +69,11 @@ class PosedTemplate {
     return lone;
   }
 
-  /// Lets the corners of triangles approach their mean. Vertices at one place keep equal weights.
+  /// Lets the corners of triangles approach their mean. Vertices at one position keep equal weights.
   void approach(const std::vector<int>& faces, WeightField& field) {
-    std::vector<std::pair<int, int>> moved;  // place, face
+    std::vector<std::pair<int, int>> moved;  // position, face
     for (const int f : faces)
-      for (const int v : mesh_.faces[f]) moved.emplace_back(place_[v], f);
+      for (const int v : mesh_.faces[f]) moved.emplace_back(position_[v], f);
     std::sort(moved.begin(), moved.end());
     const WeightField means = means_of(faces, field);
     std::vector<int> changed;
@@ -125,8 +126,8 @@ class PosedTemplate {
   HeatOptions options_;
   double limit_;
   IndexRows neighbours_;                        ///< [F]
-  std::vector<int> place_;                      ///< [N]
-  IndexRows vertices_at_;                       ///< [P] the vertices at each place
+  std::vector<int> position_;                   ///< [N]
+  IndexRows vertices_at_;                       ///< [P] the vertices at each position
   IndexRows corners_at_;                        ///< [N] corners 3 f + k of the faces at each vertex
   std::vector<SkinBlend> blends_;               ///< one for each pose
   std::vector<std::vector<Vector3d>> posed_;    ///< [N] for each pose
@@ -155,7 +156,7 @@ void set_smooth_skin(Character& character, const WeightField& field, const HeatO
   const std::size_t lone_before = lone.size();
   if (lone_before == 0) return;
   WeightField smooth = field;
-  for (int round = 0; round < kMostRounds && !lone.empty(); ++round) {
+  for (int round = 0; round < kMaxRounds && !lone.empty(); ++round) {
     posed.approach(lone, smooth);
     lone = posed.lone_triangles();
   }

@@ -30,8 +30,8 @@ BoneSegments segments_of_bones(const Character& character, const std::vector<int
   const auto rest = character.skeleton.pose(character.rest_dofs);
   BoneSegments segments(character.bone_joint.size());
   for (std::size_t b = 0; b < segments.size(); ++b) {
-    const Vector3d place = rest[character.bone_joint[b]].translation();
-    segments[b].push_back({place, place});
+    const Vector3d position = rest[character.bone_joint[b]].translation();
+    segments[b].push_back({position, position});
   }
   for (int j = 0; j < character.skeleton.num_joints(); ++j)
     if (const int bone = bone_above(character.skeleton, bone_of_joint, j); bone >= 0)
@@ -131,8 +131,8 @@ StickingVertices::StickingVertices(const Character& character) : character_(char
 }
 
 /// Where a vertex would be with the weights of a bone and of its relatives alone.
-Vector3d StickingVertices::place_by(const SkinBlend& blend, int vertex, int bone) const {
-  constexpr double kSmallest = 1e-3;
+Vector3d StickingVertices::position_by(const SkinBlend& blend, int vertex, int bone) const {
+  constexpr double kMinSum = 1e-3;
   const auto all_bones = character_.skin.vertex_bones.row(vertex);
   const auto all_weights = character_.skin.vertex_bones.row_of(character_.skin.weights, vertex);
   std::vector<int> bones;
@@ -145,7 +145,7 @@ Vector3d StickingVertices::place_by(const SkinBlend& blend, int vertex, int bone
     sum += all_weights[i];
   }
   const Vector3d& rest = character_.mesh.vertices[vertex];
-  if (sum < kSmallest) return blend.motions()[bone] * rest;
+  if (sum < kMinSum) return blend.motions()[bone] * rest;
   for (double& weight : weights) weight /= sum;
   return blend.point(rest, bones, weights);
 }
@@ -155,7 +155,7 @@ std::vector<int> StickingVertices::find(const SkinBlend& blend, const std::vecto
   for (int v = 0; v < character_.num_vertices(); ++v) {
     const auto owners = owners_.row(v);
     const bool follows = std::any_of(owners.begin(), owners.end(), [&](int bone) {
-      return (place_by(blend, v, bone) - posed[v]).norm() <= tolerance_;
+      return (position_by(blend, v, bone) - posed[v]).norm() <= tolerance_;
     });
     if (!follows) result.push_back(v);
   }

@@ -13,9 +13,9 @@ namespace doppel {
 /// forearm, upper arm and chest, both thighs through the pelvis, but not hand and thigh. A vertex could belong to each
 /// bone whose distance from it in the rest pose is at most twice the usual one of that bone (the median over the
 /// vertices that it moves most) or, for the hands, the toes and the head, 0.7 of the bone's length: a thumb stands off.
-/// It could also belong to the bone that is nearest in this sense. In a pose, the vertex has a place for each bone that
-/// it could belong to: where the weights of that bone and of those within two steps alone take it. It sticks if it is
-/// farther from all these places than a share of the body's height.
+/// It could also belong to the bone that is nearest in this sense. In a pose, the vertex has a position for each bone
+/// that it could belong to: where the weights of that bone and of those within two steps alone take it. It sticks if it
+/// is farther from all these positions than a share of the body's height.
 ///
 /// A vertex that a wrong limb moves entirely is not found where both limbs are so near that it could belong to either.
 class StickingVertices {
@@ -30,7 +30,7 @@ class StickingVertices {
   std::vector<int> find(const SkinBlend& blend, const std::vector<Eigen::Vector3d>& posed) const;
 
  private:
-  Eigen::Vector3d place_by(const SkinBlend& blend, int vertex, int bone) const;
+  Eigen::Vector3d position_by(const SkinBlend& blend, int vertex, int bone) const;
 
   const Character& character_;
   IndexRows owners_;                        ///< [N] the bones that a vertex could belong to

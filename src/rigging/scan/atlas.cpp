@@ -27,7 +27,7 @@ struct TiledUvs {
   std::vector<Vector2d> uvs;
   std::vector<Triangle> face_uvs;
   Box2 window;         ///< of all UVs in use
-  bool moved = false;  ///< some left their place by whole tiles
+  bool moved = false;  ///< some left their position by whole tiles
   bool cut = false;    ///< islands were cut at tiles
 };
 
@@ -67,7 +67,7 @@ class TileMover {
     Triangle moved;
     for (int k = 0; k < 3; ++k) {
       const auto [entry, fresh] =
-          places_.emplace(std::tuple(face[k], tile.x(), tile.y()), static_cast<int>(out_.uvs.size()));
+          positions_.emplace(std::tuple(face[k], tile.x(), tile.y()), static_cast<int>(out_.uvs.size()));
       if (fresh) {
         out_.uvs.emplace_back(mesh_.uvs[face[k]] - tile);
         out_.window.extend(out_.uvs.back());
@@ -81,7 +81,7 @@ class TileMover {
   const TriangleMesh& mesh_;
   int most_repeats_;
   TiledUvs out_;
-  std::map<std::tuple<int, double, double>, int> places_;
+  std::map<std::tuple<int, double, double>, int> positions_;
 };
 
 cv::Mat as_bgr(const cv::Mat& image, const std::string& name) {
@@ -103,9 +103,9 @@ cv::Mat as_bgr(const cv::Mat& image, const std::string& name) {
 struct Patch {
   cv::Mat texture;  ///< 8-bit BGR; empty: plain
   Vector3d colour;
-  Box2 window;      ///< UV, may exceed 0..1
-  cv::Rect source;  ///< pixels of the repeated texture
-  cv::Rect place;   ///< in the atlas, without margin
+  Box2 window;        ///< UV, may exceed 0..1
+  cv::Rect source;    ///< pixels of the repeated texture
+  cv::Rect position;  ///< in the atlas, without margin
 
   bool repeats() const {
     return source.x < 0 || source.y < 0 || source.br().x > texture.cols || source.br().y > texture.rows;
@@ -141,43 +141,44 @@ struct Patch {
 
   /// From a moved UV to the atlas.
   Vector2d map(const Vector2d& uv, const cv::Size& atlas) const {
-    Vector2d pixel(place.x + 0.5 * place.width, place.y + 0.5 * place.height);
+    Vector2d pixel(position.x + 0.5 * position.width, position.y + 0.5 * position.height);
     if (!texture.empty()) {
-      pixel.x() = place.x + (uv.x() * texture.cols - source.x) * place.width / source.width;
-      pixel.y() = place.y + ((1.0 - uv.y()) * texture.rows - source.y) * place.height / source.height;
+      pixel.x() = position.x + (uv.x() * texture.cols - source.x) * position.width / source.width;
+      pixel.y() = position.y + ((1.0 - uv.y()) * texture.rows - source.y) * position.height / source.height;
     }
     return {pixel.x() / atlas.width, 1.0 - pixel.y() / atlas.height};
   }
 };
 
-/// Sets the places of all patches, row by row. @return the size of the atlas
+/// Sets the positions of all patches, row by row. @return the size of the atlas
 cv::Size pack(std::vector<Patch>& patches, int margin, double scale) {
   double area = 0.0;
   int widest = 0;
   for (Patch& patch : patches) {
     const double own = patch.texture.empty() ? 1.0 : scale;
-    patch.place.width = std::max(1, static_cast<int>(std::lround(patch.source.width * own)));
-    patch.place.height = std::max(1, static_cast<int>(std::lround(patch.source.height * own)));
-    const int width = patch.place.width + 2 * margin;
-    area += static_cast<double>(width) * (patch.place.height + 2 * margin);
+    patch.position.width = std::max(1, static_cast<int>(std::lround(patch.source.width * own)));
+    patch.position.height = std::max(1, static_cast<int>(std::lround(patch.source.height * own)));
+    const int width = patch.position.width + 2 * margin;
+    area += static_cast<double>(width) * (patch.position.height + 2 * margin);
     widest = std::max(widest, width);
   }
   const int limit = std::max(widest, static_cast<int>(std::ceil(std::sqrt(area))));
   std::vector<std::size_t> order(patches.size());
   std::iota(order.begin(), order.end(), 0u);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return patches[a].place.height > patches[b].place.height; });
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return patches[a].position.height > patches[b].position.height;
+  });
   int x = 0, y = 0, row = 0, width = 0;
   for (const std::size_t i : order) {
-    cv::Rect& place = patches[i].place;
-    if (x > 0 && x + place.width + 2 * margin > limit) {
+    cv::Rect& position = patches[i].position;
+    if (x > 0 && x + position.width + 2 * margin > limit) {
       y += row;
       x = row = 0;
     }
-    place.x = x + margin;
-    place.y = y + margin;
-    x += place.width + 2 * margin;
-    row = std::max(row, place.height + 2 * margin);
+    position.x = x + margin;
+    position.y = y + margin;
+    x += position.width + 2 * margin;
+    row = std::max(row, position.height + 2 * margin);
     width = std::max(width, x);
   }
   return {width, y + row};
@@ -329,7 +330,7 @@ class PartMerger {
                  0, 0, cv::INTER_AREA);
       patch.texture = smaller;
       patch.find_source();
-      if (static_cast<double>(patch.source.width) * patch.source.height > kMostPixels)
+      if (static_cast<double>(patch.source.width) * patch.source.height > kMaxPixels)
         fail<UsageError>(
             "joining the parts of the scan: one triangle repeats its texture {:.0f} times, which no image can hold; "
             "bake "
@@ -377,20 +378,20 @@ class PartMerger {
   }
 
   void paint(const Patch& patch, cv::Mat& atlas) const {
-    const cv::Rect whole(patch.place.x - options_.margin, patch.place.y - options_.margin,
-                         patch.place.width + 2 * options_.margin, patch.place.height + 2 * options_.margin);
-    if (patch.place.size() == patch.source.size()) {
+    const cv::Rect whole(patch.position.x - options_.margin, patch.position.y - options_.margin,
+                         patch.position.width + 2 * options_.margin, patch.position.height + 2 * options_.margin);
+    if (patch.position.size() == patch.source.size()) {
       patch.pixels(options_.margin).copyTo(atlas(whole));
       return;
     }
     cv::Mat inner, framed;
-    cv::resize(patch.pixels(0), inner, patch.place.size(), 0, 0, cv::INTER_AREA);
+    cv::resize(patch.pixels(0), inner, patch.position.size(), 0, 0, cv::INTER_AREA);
     cv::copyMakeBorder(inner, framed, options_.margin, options_.margin, options_.margin, options_.margin,
                        patch.repeats() ? cv::BORDER_WRAP : cv::BORDER_REPLICATE);
     framed.copyTo(atlas(whole));
   }
 
-  static constexpr double kMostPixels = 4e8;
+  static constexpr double kMaxPixels = 4e8;
 
   const ScanParts& scan_;
   AtlasOptions options_;

@@ -24,7 +24,7 @@ struct MergedScan {
 /// Joins the parts of a scan into one mesh with one texture. UVs beyond 0..1 repeat the texture: islands are moved by
 /// whole tiles, and an island over several tiles gets a baked patch of repeated texture. A part without a texture takes
 /// a plain patch of its colour; colours per vertex stay colours per vertex. Parts that share an image (the same pixels
-/// in memory) share its place. If no part has a texture, the result has none.
+/// in memory) share its position. If no part has a texture, the result has none.
 /// @throws UsageError for no parts or wrong indices; when the total exceeds kMaxScanTriangles; for UVs that are not
 /// finite
 MergedScan merge_parts(const ScanParts& scan, const AtlasOptions& options = {});

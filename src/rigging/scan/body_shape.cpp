@@ -27,23 +27,23 @@ constexpr int kSlices = 100;
 constexpr double kFootTop = 0.035, kAnkleBottom = 0.05, kAnkleTop = 0.1;  // shares of the height
 constexpr double kOverlapNoise = 0.01;   // of the overlap between neighbouring directions
 constexpr std::size_t kMirrored = 5000;  // cells that are mirrored
-constexpr double kLeastToes = 0.008;
+constexpr double kMinToeLength = 0.008;
 constexpr double kSearchTurn = 30.0;     // degrees on either side of the toes' direction
 constexpr double kTurnPenalty = 1.5e-4;  // overlap per squared degree
 
 AlignedBox3d likely_box(const TriangleMesh& mesh) {
-  std::array<std::vector<double>, 3> places;
+  std::array<std::vector<double>, 3> positions;
   for (const Triangle& face : mesh.faces) {
     const Vector3d middle = (mesh.vertices[face[0]] + mesh.vertices[face[1]] + mesh.vertices[face[2]]) / 3.0;
     if (!middle.allFinite()) continue;
-    for (int k = 0; k < 3; ++k) places[k].push_back(middle[k]);
+    for (int k = 0; k < 3; ++k) positions[k].push_back(middle[k]);
   }
-  if (places[0].empty())
+  if (positions[0].empty())
     fail<UsageError>("finding the orientation of the scan: no triangle has finite corners; check the file");
   Vector3d low, high;
   for (int k = 0; k < 3; ++k) {
-    low[k] = quantile(places[k], kQuantile);
-    high[k] = quantile(std::move(places[k]), 1.0 - kQuantile);
+    low[k] = quantile(positions[k], kQuantile);
+    high[k] = quantile(std::move(positions[k]), 1.0 - kQuantile);
   }
   const double beyond = kBeyondQuantile * (high - low).maxCoeff();
   return {low - Vector3d::Constant(beyond), high + Vector3d::Constant(beyond)};
@@ -81,10 +81,11 @@ class MainPart {
 
   bool holds(const Vector3d& point) const {
     if (inside_.empty()) return true;
-    const Eigen::Array3d place = ((point - origin_) / cell_).array().floor();
+    const Eigen::Array3d position = ((point - origin_) / cell_).array().floor();
     for (int k = 0; k < 3; ++k)
-      if (!(place[k] >= 0.0 && place[k] < layout_.dims[k])) return false;
-    return inside_[layout_.index(static_cast<int>(place[0]), static_cast<int>(place[1]), static_cast<int>(place[2]))];
+      if (!(position[k] >= 0.0 && position[k] < layout_.dims[k])) return false;
+    return inside_[layout_.index(static_cast<int>(position[0]), static_cast<int>(position[1]),
+                                 static_cast<int>(position[2]))];
   }
   double share() const { return total_ > 0 ? static_cast<double>(largest_) / total_ : 1.0; }
 
@@ -307,7 +308,7 @@ UpCues up_cues(const CoarseBody& body, int direction) {
 }
 
 double Facing::confidence() const {
-  return std::clamp(toes / (4.0 * kLeastToes), 0.0, 1.0) * std::clamp((mirror - 0.3) / 0.4, 0.2, 1.0);
+  return std::clamp(toes / (4.0 * kMinToeLength), 0.0, 1.0) * std::clamp((mirror - 0.3) / 0.4, 0.2, 1.0);
 }
 
 std::optional<Facing> find_facing(const CoarseBody& body, int up_direction) {
@@ -325,7 +326,7 @@ std::optional<Facing> find_facing(const CoarseBody& body, int up_direction) {
   toes -= toes.dot(up) * up;
   Facing facing;
   facing.toes = toes.norm() / extent;
-  if (facing.toes < kLeastToes) return std::nullopt;
+  if (facing.toes < kMinToeLength) return std::nullopt;
   toes.normalize();
 
   const Vector3d centre = centre_of(rest);

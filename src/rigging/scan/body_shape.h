@@ -16,7 +16,7 @@ namespace doppel {
 TriangleMesh clustered(const TriangleMesh& mesh, double cell, const Eigen::AlignedBox3d& box,
                        std::vector<int>& cluster);
 
-/// A coarse picture of what stands in a scan, in the scan's own coordinates: free of specks and of a floor.
+/// A coarse image of what stands in a scan, in the scan's own coordinates: free of specks and of a floor.
 struct CoarseBody {
   VoxelSolid solid;
   std::vector<Eigen::Vector3d> cells;  ///< centres of the inside cells, file coordinates

@@ -30,8 +30,8 @@ constexpr std::array<LengthUnit, 6> kUnits{{{"m", 1.0, 1.0},
                                             {"foot", 0.3048, 0.03},
                                             {"dm", 0.1, 0.03}}};
 constexpr const char* kUnitNames = "m, cm, mm, dm, inch, foot, or a number of metres";
-constexpr double kShortest = 0.5, kTallest = 2.8;            // metres; with raised arms
-constexpr double kShortestGiven = 0.2, kTallestGiven = 4.0;  // if the user names the unit
+constexpr double kMinHeight = 0.5, kMaxHeight = 2.8;            // metres; with raised arms
+constexpr double kMinGivenHeight = 0.2, kMaxGivenHeight = 4.0;  // if the user names the unit
 constexpr double kSure = 0.9;
 constexpr double kFlat = 1e-3;      // thickness over length; a person has 0.1
 constexpr double kFloorOdds = 6.0;  // logarithm of odds that a floor is below
@@ -41,8 +41,8 @@ constexpr std::array<const char*, 6> kAxisNames{"+x", "-x", "+y", "-y", "+z", "-
 double height_density(double metres) {
   double density = std::exp(-0.5 * std::pow((metres - 1.70) / 0.12, 2));
   if (metres > 0.9 && metres < 2.1) density += 0.25;
-  if (metres > kShortest && metres < 2.3) density += 0.05;
-  if (metres > kShortest && metres < kTallest) density += 0.01;
+  if (metres > kMinHeight && metres < 2.3) density += 0.05;
+  if (metres > kMinHeight && metres < kMaxHeight) density += 0.01;
   return density;
 }
 
@@ -65,7 +65,7 @@ int parse_up(const std::string& text) {
 
 double odds_to_confidence(double odds) { return 1.0 / (1.0 + std::exp(-odds)); }
 
-/// A picture on a sheet, or a scan of which one axis is lost.
+/// An image on a sheet, or a scan of which one axis is lost.
 void refuse_flat(const TriangleMesh& mesh) {
   Vector3d sum = Vector3d::Zero();
   double count = 0.0;
@@ -149,7 +149,7 @@ class OrientationFinder {
     if (cues.flat_below > cues.flat_above) why.push_back("its lower end is flat as soles are");
     out_.reasons.push_back(fmt::format("Up: {}, because {}.", out_.up, fmt::join(why, ", ")));
     if (out_.up_confidence < 0.5)
-      out_.reasons.push_back("The shape hardly tells what is up; look at the picture, or give --up.");
+      out_.reasons.push_back("The shape hardly tells what is up; look at the image, or give --up.");
   }
 
   void take_up() {
@@ -194,7 +194,7 @@ class OrientationFinder {
     double worth = 0.0, second_worth = 0.0, total = 0.0;
     for (const LengthUnit& unit : kUnits) {
       const double here = unit.share * height_density(height * unit.metres);
-      if (height * unit.metres < kShortest || height * unit.metres > kTallest) continue;
+      if (height * unit.metres < kMinHeight || height * unit.metres > kMaxHeight) continue;
       total += here;
       if (here > worth) {
         second = best;
@@ -211,7 +211,7 @@ class OrientationFinder {
           "finding the unit of the scan: it is {:.4g} units high along {}, and no unit (m, cm, mm, dm, inch, foot) "
           "makes "
           "this the height of a person, {} to {} m; give --unit with the metres of one unit, or --up if {} is not up",
-          height, out_.up, kShortest, kTallest, out_.up);
+          height, out_.up, kMinHeight, kMaxHeight, out_.up);
     set_unit(*best, height);
     out_.unit_confidence = worth / total;
     out_.reasons.push_back(
@@ -230,12 +230,12 @@ class OrientationFinder {
     const LengthUnit unit = parse_unit(options_.unit);
     set_unit(unit, height);
     out_.unit_confidence = 1.0;
-    if (out_.height < kShortestGiven || out_.height > kTallestGiven)
+    if (out_.height < kMinGivenHeight || out_.height > kMaxGivenHeight)
       fail<UsageError>(
           "finding the unit of the scan: with --unit {} the person is {:.4g} m high, {} to {} m are allowed; give "
           "another "
           "--unit, or --up if {} is not up",
-          options_.unit, out_.height, kShortestGiven, kTallestGiven, out_.up);
+          options_.unit, out_.height, kMinGivenHeight, kMaxGivenHeight, out_.up);
     out_.reasons.push_back(fmt::format("Unit: {}, as given; the person is {:.2f} m high.", out_.unit, out_.height));
   }
 

@@ -29,7 +29,7 @@ constexpr double kOneSurface = 0.9;     // share of the area of the largest comp
 constexpr double kLidShare = 0.25;      // a lid larger than this share of its component would close a sheet
 constexpr double kClearVolume = 0.005;  // |volume| over area^1.5 that tells inside from outside; a sphere has 0.094
 // A tiny body of so few faces must touch to belong to the person; with fewer it is a sheet, such as a strand of hair.
-constexpr int kFewestClosed = 4, kFewFaces = 12;
+constexpr int kMinClosedFaces = 4, kFewFaces = 12;
 constexpr double kTouching = 0.15;           // of the distance that is allowed to others
 constexpr int kSpeckSamples = 2000;          // faces of a component that are looked at
 constexpr int kSpeckRounds = 6;              // chains of small parts that hang on each other
@@ -50,15 +50,15 @@ class PointGrid {
   /// A point stored before within reach; else stores this one and returns it.
   int find_or_add(const std::vector<Vector3d>& points, int point) {
     const Vector3d& p = points[point];
-    const Eigen::Array3d place = p.array() / cell_;
-    const Eigen::Array3d low = (place - 0.5).floor();
+    const Eigen::Array3d position = p.array() / cell_;
+    const Eigen::Array3d low = (position - 0.5).floor();
     for (int k = 0; k < 8; ++k) {
       const auto found = cells_.find(key(low + Eigen::Array3d(k & 1, k >> 1 & 1, k >> 2 & 1)));
       if (found == cells_.end()) continue;
       for (const int other : found->second)
         if ((points[other] - p).squaredNorm() <= squared_reach_) return other;
     }
-    cells_[key(place.floor())].push_back(point);
+    cells_[key(position.floor())].push_back(point);
     return point;
   }
 
@@ -260,7 +260,7 @@ class ScanRepair {
       const int size = sizes[component[f]];
       // Of a dense component some faces are enough: they lie closer to each other than `reach`.
       if (passed[component[f]]++ % std::max(1, size / kSpeckSamples) != 0) continue;
-      const bool tiny = size >= kFewestClosed && size <= kFewFaces;
+      const bool tiny = size >= kMinClosedFaces && size <= kFewFaces;
       const double reach = options_.speck_distance * height_ * (tiny ? kTouching : 1.0);
       for (const int v : mesh_.faces[f]) {
         if (tree.closest(mesh_.vertices[v]).squared_distance > reach * reach) continue;
@@ -325,8 +325,10 @@ class ScanRepair {
       settle_patch(patch, turned);
     }
     const std::vector<int> before = across_;
-    const auto place = [&](int half) { return half < 0 || turned[half / 3] == 0 ? half : half / 3 * 3 + 2 - half % 3; };
-    for (std::size_t h = 0; h < before.size(); ++h) across_[place(static_cast<int>(h))] = place(before[h]);
+    const auto position = [&](int half) {
+      return half < 0 || turned[half / 3] == 0 ? half : half / 3 * 3 + 2 - half % 3;
+    };
+    for (std::size_t h = 0; h < before.size(); ++h) across_[position(static_cast<int>(h))] = position(before[h]);
     for (std::size_t f = 0; f < turned.size(); ++f) {
       if (turned[f] == 0) continue;
       ++report_.turned_faces;
@@ -487,23 +489,23 @@ class ScanRepair {
 
   /// Removes vertices and texture coordinates that no face uses.
   void compact() {
-    std::vector<int> place(mesh_.vertices.size(), 0);
+    std::vector<int> position(mesh_.vertices.size(), 0);
     for (const Triangle& face : mesh_.faces)
-      for (const int v : face) place[v] = 1;
+      for (const int v : face) position[v] = 1;
     int kept = 0;
-    for (std::size_t v = 0; v < place.size(); ++v) {
-      if (place[v] == 0) continue;
+    for (std::size_t v = 0; v < position.size(); ++v) {
+      if (position[v] == 0) continue;
       mesh_.vertices[kept] = Vector3d(mesh_.vertices[v]);
       if (!mesh_.colours.empty()) mesh_.colours[kept] = Vector3d(mesh_.colours[v]);
       source_[kept] = source_[v];
-      place[v] = kept++;
+      position[v] = kept++;
     }
-    report_.unused_vertices = static_cast<int>(place.size()) - kept;
+    report_.unused_vertices = static_cast<int>(position.size()) - kept;
     mesh_.vertices.resize(kept);
     if (!mesh_.colours.empty()) mesh_.colours.resize(kept);
     source_.resize(kept);
     for (Triangle& face : mesh_.faces)
-      for (int& v : face) v = place[v];
+      for (int& v : face) v = position[v];
   }
 
   TriangleMesh mesh_;

@@ -21,12 +21,12 @@ using Eigen::Vector3d;
 constexpr double kBorderWeight = 10.0;  // of the planes that hold a border, against those of faces
 constexpr double kSeamWeight = 1.0;     // the same for a seam
 constexpr double kLengthWeight = 1e-7;  // prefers short edges where the surface is flat
-constexpr double kLargestTurn = 0.25;   // cosine of the largest turn of a face in one collapse
-constexpr double kThinnest = 0.03;      // twice the area over the squared longest edge; thinner faces are not made
-constexpr double kLargestOffset = 0.3;  // of a new vertex above its edge, in lengths of the edge
+constexpr double kMaxTurn = 0.25;       // cosine of the largest turn of a face in one collapse
+constexpr double kMinFaceShape = 0.03;  // twice the area over the squared longest edge; thinner faces are not made
+constexpr double kMaxOffset = 0.3;      // of a new vertex above its edge, in lengths of the edge
 constexpr double kWorthAnotherPass = 0.01;
 constexpr double kBytesPerFace = 180.0, kBytesPerVertex = 160.0;
-constexpr int kFewest = 4;
+constexpr int kMinTarget = 4;
 constexpr std::uint8_t kCorner = 255;  // a vertex that keeps its position
 
 /// A sum of squared distances to planes: x'Ax + 2 b'x + c.
@@ -125,26 +125,26 @@ class Simplification {
   TriangleMesh result(const TriangleMesh& mesh) const {
     TriangleMesh out;
     out.texture = mesh.texture;
-    std::vector<int> vertex_place(positions_.size(), -1), wedge_place(uvs_.size(), -1);
+    std::vector<int> new_vertex(positions_.size(), -1), new_wedge(uvs_.size(), -1);
     for (std::size_t f = 0; f < faces_.size(); ++f) {
       if (dead(static_cast<int>(f))) continue;
       out.faces.push_back(faces_[f]);
       for (int& v : out.faces.back()) {
-        if (vertex_place[v] < 0) {
-          vertex_place[v] = out.num_vertices();
+        if (new_vertex[v] < 0) {
+          new_vertex[v] = out.num_vertices();
           out.vertices.push_back(positions_[v]);
           if (!colours_.empty()) out.colours.push_back(colours_[v]);
         }
-        v = vertex_place[v];
+        v = new_vertex[v];
       }
       if (wedges_.empty()) continue;
       out.face_uvs.push_back(wedges_[f]);
       for (int& w : out.face_uvs.back()) {
-        if (wedge_place[w] < 0) {
-          wedge_place[w] = static_cast<int>(out.uvs.size());
+        if (new_wedge[w] < 0) {
+          new_wedge[w] = static_cast<int>(out.uvs.size());
           out.uvs.push_back(uvs_[w]);
         }
-        w = wedge_place[w];
+        w = new_wedge[w];
       }
     }
     return out;
@@ -180,10 +180,10 @@ class Simplification {
       for_corners(static_cast<int>(v), [&](int corner) {
         int& wedge = wedges_[corner / 3][corner % 3];
         const Vector2d& uv = mesh.uvs[mesh.face_uvs[corner / 3][corner % 3]];
-        std::size_t place = first;
-        while (place < uvs_.size() && uvs_[place] != uv) ++place;
-        if (place == uvs_.size()) uvs_.push_back(uv);
-        wedge = static_cast<int>(place);
+        std::size_t slot = first;
+        while (slot < uvs_.size() && uvs_[slot] != uv) ++slot;
+        if (slot == uvs_.size()) uvs_.push_back(uv);
+        wedge = static_cast<int>(slot);
       });
     }
   }
@@ -322,7 +322,7 @@ class Simplification {
     normal /= length;
     const double curvature = normal.dot(planes.times(normal));
     if (!(curvature > 0.0)) return Vector3d::Zero();
-    const double most = kLargestOffset * along.norm();
+    const double most = kMaxOffset * along.norm();
     return std::clamp(-normal.dot(planes.half_gradient(collapse.position)) / curvature, -most, most) * normal;
   }
 
@@ -458,8 +458,8 @@ class Simplification {
       return std::max({(b - a).squaredNorm(), (c - a).squaredNorm(), (c - b).squaredNorm()});
     };
     const double shape = area / longest(position), shape_before = area_before / longest(positions_[vertex_at(corner)]);
-    if (shape < kThinnest && shape < shape_before) return true;
-    return !(before.dot(after) >= kLargestTurn * area * area_before);
+    if (shape < kMinFaceShape && shape < shape_before) return true;
+    return !(before.dot(after) >= kMaxTurn * area * area_before);
   }
 
   bool uv_turns_over(const Vector2d& uv, int corner, int second, int third) const {
@@ -553,8 +553,8 @@ void check_simplify_input(const TriangleMesh& mesh, const SimplifyOptions& optio
   if (options.target_faces <= 0 && options.target_vertices <= 0)
     fail<UsageError>("simplifying the scan: no target is given; give a number of triangles or of vertices");
   const auto check_target = [](int target, const char* what) {
-    if (target != 0 && target < kFewest)
-      fail<UsageError>("simplifying the scan: the target is {} {}, at least {} are needed", target, what, kFewest);
+    if (target != 0 && target < kMinTarget)
+      fail<UsageError>("simplifying the scan: the target is {} {}, at least {} are needed", target, what, kMinTarget);
   };
   check_target(options.target_faces, "triangles");
   check_target(options.target_vertices, "vertices");

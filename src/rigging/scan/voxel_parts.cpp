@@ -85,8 +85,9 @@ std::vector<std::uint8_t> dilated(const VoxelLayout& layout, const std::vector<s
     const int length = layout.dims[axis], step = stride[axis];
     for (int i = 0; i < static_cast<int>(layout.size()); ++i) {
       if (before[i] == 0) continue;
-      const int place = i / step % length;
-      for (int k = std::max(-radius, -place); k <= std::min(radius, length - 1 - place); ++k) out[i + k * step] = 1;
+      const int position = i / step % length;
+      for (int k = std::max(-radius, -position); k <= std::min(radius, length - 1 - position); ++k)
+        out[i + k * step] = 1;
     }
   }
   return out;

@@ -270,12 +270,12 @@ std::array<int, 6> VoxelSolid::neighbours(int index) const {
 double VoxelSolid::depth(const Vector3d& point) const {
   const Vector3d low = origin_ + Vector3d::Constant(0.5 * cell_),
                  high = low + cell_ * Vector3d(dims_[0] - 1, dims_[1] - 1, dims_[2] - 1);
-  const Vector3d clamped = point.cwiseMax(low).cwiseMin(high), place = (clamped - low) / cell_;
+  const Vector3d clamped = point.cwiseMax(low).cwiseMin(high), position = (clamped - low) / cell_;
   Cell first;
   Vector3d t;
   for (int k = 0; k < 3; ++k) {
-    first[k] = std::clamp(static_cast<int>(place[k]), 0, dims_[k] - 2);
-    t[k] = place[k] - first[k];
+    first[k] = std::clamp(static_cast<int>(position[k]), 0, dims_[k] - 2);
+    t[k] = position[k] - first[k];
   }
   double sum = 0.0;
   for (int k = 0; k < 8; ++k) {

@@ -35,7 +35,7 @@ ExaminedLimb limb_of(const Character& character, const Hinge& hinge) {
     member.push_back(sum > 0.5);
   }
   const TriangleMesh& mesh = character.mesh;
-  LimbPiece piece(mesh.vertices, mesh.faces, member, hinge.places);
+  LimbPiece piece(mesh.vertices, mesh.faces, member, hinge.positions);
   const double volume = piece.volume(mesh.vertices);
   return {std::move(piece), volume};
 }

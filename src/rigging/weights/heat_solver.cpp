@@ -9,7 +9,7 @@ namespace doppel {
 namespace {
 
 constexpr int kColumns = 8;  // fields that are solved together
-constexpr int kMostIterations = 2000;
+constexpr int kMaxIterations = 2000;
 constexpr double kTolerance = 1e-6;  // of the residual, relative to the right-hand side
 
 using Columns = Eigen::Array<double, kColumns, 1>;
@@ -82,10 +82,10 @@ class HeatEquation {
     for (std::size_t i = 0; i < x.size(); ++i)
       if (free(i)) p[i] = r[i] / diagonal_[i];
     for (int iteration = 0; (rho > goal).any(); ++iteration) {
-      if (iteration == kMostIterations)
+      if (iteration == kMaxIterations)
         fail(
             "skinning weights: the heat equation is not solved after {} iterations; the solid has too many loose parts",
-            kMostIterations);
+            kMaxIterations);
       multiply(p, q);
       Columns curvature = Columns::Zero();
       for (std::size_t i = 0; i < x.size(); ++i)

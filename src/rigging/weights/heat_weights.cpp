@@ -7,35 +7,36 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/rigging/joints/same_places.h"
+#include "doppel/rigging/joints/same_positions.h"
 #include "doppel/rigging/weights/heat_domain.h"
 
 namespace doppel {
 namespace {
 
 /// The different positions of a mesh. Vertices along seams share one.
-struct Places {
-  std::vector<int> place;                  ///< [N] the vertex's place
+struct Seams {
+  std::vector<int> position_of;            ///< [N] the vertex's position
   std::vector<Eigen::Vector3d> positions;  ///< [P]
   std::vector<Eigen::Vector3d> normals;    ///< [P] of unit length, or zero
 };
 
-Places find_places(const TriangleMesh& mesh) {
+Seams find_seams(const TriangleMesh& mesh) {
   for (std::size_t v = 0; v < mesh.vertices.size(); ++v)
     if (!mesh.vertices[v].allFinite()) fail("skinning weights: vertex {} has no finite position", v);
-  Places places;
-  places.place = same_places(mesh.vertices);
-  const int count = places.place.empty() ? 0 : 1 + *std::max_element(places.place.begin(), places.place.end());
-  places.positions.resize(count);
-  for (std::size_t v = 0; v < mesh.vertices.size(); ++v) places.positions[places.place[v]] = mesh.vertices[v];
-  places.normals.assign(places.positions.size(), Eigen::Vector3d::Zero());
+  Seams seams;
+  seams.position_of = same_positions(mesh.vertices);
+  const int count =
+      seams.position_of.empty() ? 0 : 1 + *std::max_element(seams.position_of.begin(), seams.position_of.end());
+  seams.positions.resize(count);
+  for (std::size_t v = 0; v < mesh.vertices.size(); ++v) seams.positions[seams.position_of[v]] = mesh.vertices[v];
+  seams.normals.assign(seams.positions.size(), Eigen::Vector3d::Zero());
   for (const Triangle& face : mesh.faces) {
     const Eigen::Vector3d& a = mesh.vertices[face[0]];
     const Eigen::Vector3d normal = (mesh.vertices[face[1]] - a).cross(mesh.vertices[face[2]] - a);
-    for (const int v : face) places.normals[places.place[v]] += normal;
+    for (const int v : face) seams.normals[seams.position_of[v]] += normal;
   }
-  for (Eigen::Vector3d& normal : places.normals) normal = normal.stableNormalized();
-  return places;
+  for (Eigen::Vector3d& normal : seams.normals) normal = normal.stableNormalized();
+  return seams;
 }
 
 /// The centre of the inside cell that is nearest to a point, at most two cells away along each axis; else the point.
@@ -54,13 +55,13 @@ Eigen::Vector3d nearest_inside(const SolidGrid& solid, const Eigen::Vector3d& po
   return best;
 }
 
-/// Where the temperature of a place is read: a little below the surface, so that the stencil does not reach across a
+/// Where the temperature of a position is read: a little below the surface, so that the stencil does not reach across a
 /// gap, and inside of the body if that is near. The air between two limbs has the temperature of both.
-std::vector<Eigen::Vector3d> reading_points(const Places& places, const SolidGrid& solid) {
+std::vector<Eigen::Vector3d> reading_points(const Seams& seams, const SolidGrid& solid) {
   constexpr double kBelow = 0.75;  // of a cell
   std::vector<Eigen::Vector3d> points;
-  for (std::size_t i = 0; i < places.positions.size(); ++i) {
-    const Eigen::Vector3d below = places.positions[i] - kBelow * solid.cell * places.normals[i];
+  for (std::size_t i = 0; i < seams.positions.size(); ++i) {
+    const Eigen::Vector3d below = seams.positions[i] - kBelow * solid.cell * seams.normals[i];
     points.push_back(solid.is_inside(below) ? below : nearest_inside(solid, below));
   }
   return points;
@@ -95,11 +96,11 @@ void scale_rows(WeightField& field, double power) {
 
 /// Averages the rows over the edges of the mesh, `rounds` times. A short edge counts more: the two sides of a hem must
 /// not part. An edge of two cells counts as much as the vertex itself counts against six of them.
-void smooth_rows(WeightField& field, const TriangleMesh& mesh, const Places& places, double cell, int rounds) {
+void smooth_rows(WeightField& field, const TriangleMesh& mesh, const Seams& seams, double cell, int rounds) {
   std::vector<std::array<int, 2>> edges;
   for (const Triangle& face : mesh.faces)
     for (std::size_t k = 0; k < 3; ++k) {
-      const int a = places.place[face[k]], b = places.place[face[(k + 1) % 3]];
+      const int a = seams.position_of[face[k]], b = seams.position_of[face[(k + 1) % 3]];
       if (a != b) edges.push_back({std::min(a, b), std::max(a, b)});
     }
   std::sort(edges.begin(), edges.end());
@@ -108,7 +109,7 @@ void smooth_rows(WeightField& field, const TriangleMesh& mesh, const Places& pla
     WeightField sum = field;
     Eigen::VectorXf total = Eigen::VectorXf::Ones(field.rows());
     for (const auto& [a, b] : edges) {
-      const double length = (places.positions[a] - places.positions[b]).norm();
+      const double length = (seams.positions[a] - seams.positions[b]).norm();
       const auto share = static_cast<float>(0.33 * cell / (length + 0.05 * cell));
       sum.row(a) += share * field.row(b);
       sum.row(b) += share * field.row(a);
@@ -138,14 +139,14 @@ void check_input(const std::vector<HeatBone>& bones, const SolidGrid& solid, con
 WeightField heat_field(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
                        const HeatOptions& options) {
   check_input(bones, solid, options);
-  const Places places = find_places(mesh);
-  const std::vector<Eigen::Vector3d> points = reading_points(places, solid);
+  const Seams seams = find_seams(mesh);
+  const std::vector<Eigen::Vector3d> points = reading_points(seams, solid);
   const HeatDomain domain = make_heat_domain(mesh, bones, solid, points, options);
   const int num_bones = static_cast<int>(bones.size());
   WeightField field = read_field(domain, solve_heat(domain, num_bones, options), num_bones, points);
   scale_rows(field, options.sharpness);
-  smooth_rows(field, mesh, places, solid.cell, options.smoothing);
-  return field(places.place, Eigen::all);
+  smooth_rows(field, mesh, seams, solid.cell, options.smoothing);
+  return field(seams.position_of, Eigen::all);
 }
 
 }  // namespace doppel

@@ -12,26 +12,26 @@ namespace {
 class DistanceLine {
  public:
   explicit DistanceLine(int longest)
-      : place_(as_size(longest)), border_(as_size(longest) + 1), out_(as_size(longest)) {}
+      : position_(as_size(longest)), border_(as_size(longest) + 1), out_(as_size(longest)) {}
 
   /// Replaces the squared distances at data[0], data[stride], ... @param n number of cells
   void transform(float* data, std::size_t stride, int n) {
     int last = 0;
-    place_[0] = 0;
+    position_[0] = 0;
     border_[0] = -kFar;
     border_[1] = kFar;
     for (int q = 1; q < n; ++q) {
-      float cut = crossing(data, stride, q, place_[last]);
-      while (last > 0 && cut <= border_[last]) cut = crossing(data, stride, q, place_[--last]);
+      float cut = crossing(data, stride, q, position_[last]);
+      while (last > 0 && cut <= border_[last]) cut = crossing(data, stride, q, position_[--last]);
       if (cut <= border_[last]) last = -1;
-      place_[++last] = q;
+      position_[++last] = q;
       border_[last] = last == 0 ? -kFar : cut;
       border_[as_size(last) + 1] = kFar;
     }
     for (int q = 0, k = 0; q < n; ++q) {
       while (border_[as_size(k) + 1] < static_cast<float>(q)) ++k;
-      const int away = q - place_[k];
-      out_[q] = static_cast<float>(away * away) + data[as_size(place_[k]) * stride];
+      const int away = q - position_[k];
+      out_[q] = static_cast<float>(away * away) + data[as_size(position_[k]) * stride];
     }
     for (int q = 0; q < n; ++q) data[as_size(q) * stride] = out_[q];
   }
@@ -44,7 +44,7 @@ class DistanceLine {
     const float b = data[as_size(p) * stride] + static_cast<float>(p) * static_cast<float>(p);
     return (a - b) / static_cast<float>(2 * (q - p));
   }
-  std::vector<int> place_;
+  std::vector<int> position_;
   std::vector<float> border_, out_;
 };
 

@@ -9,7 +9,7 @@ namespace doppel {
 
 /// An extreme pose in which a rig is examined.
 struct TestPose {
-  std::string name;          ///< in words, for pictures and reports
+  std::string name;          ///< in words, for images and reports
   std::vector<double> dofs;  ///< [D]
 };
 

@@ -15,7 +15,7 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kSmallestSquaredNorm = 1e-12;  // of a blended real part
+constexpr double kMinSquaredNorm = 1e-12;  // of a blended real part
 
 PosedBody::DualQuaternion dual_quaternion(const Eigen::Affine3d& transform) {
   const Quaterniond real(Matrix3d(transform.linear()));
@@ -202,7 +202,7 @@ PoseModel::SkinnedVertex PoseModel::skinned(const PosedBody& body, int vertex) c
     result.real.coeffs() += weight * bone.real.coeffs();
     result.dual.coeffs() += weight * bone.dual.coeffs();
   }
-  result.squared_norm = std::max(result.real.squaredNorm(), kSmallestSquaredNorm);
+  result.squared_norm = std::max(result.real.squaredNorm(), kMinSquaredNorm);
   const Vector3d rest = rest_vertices_[vertex];
   const Vector3d v = result.real.vec();
   const double w = result.real.w();

@@ -7,7 +7,7 @@
 namespace doppel {
 namespace {
 
-constexpr double kShortest = 1e-6;  // metres; a shorter bone has no direction
+constexpr double kMinLength = 1e-6;  // metres; a shorter bone has no direction
 
 }  // namespace
 
@@ -50,7 +50,7 @@ std::vector<std::optional<Eigen::Vector3d>> LandmarkTree::with_lengths_of(
     if (above < 0 || !joints[m]) continue;
     const auto a = as_size(above);
     const Eigen::Vector3d bone = *detected[m] - *detected[a];
-    if (bone.norm() > kShortest) joints[m] = *joints[a] + (body[m] - body[a]).norm() / bone.norm() * bone;
+    if (bone.norm() > kMinLength) joints[m] = *joints[a] + (body[m] - body[a]).norm() / bone.norm() * bone;
   }
   return joints;
 }

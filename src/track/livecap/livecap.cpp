@@ -28,7 +28,7 @@ namespace {
 using Points = std::vector<std::optional<Eigen::Vector3d>>;
 using Terms = std::vector<std::unique_ptr<PoseTerm>>;
 
-constexpr std::size_t kFewestLandmarks = 4;
+constexpr std::size_t kMinLandmarks = 4;
 
 void check(const LivecapOptions& options) {
   check_fit(options);
@@ -103,8 +103,8 @@ LivecapTracker::LivecapTracker(const Character& character, const std::vector<Mar
       rest_vertices_(character.mesh.vertices),
       surface_(character, cameras_.front(), options.nonrigid) {
   check(options);
-  if (landmarks.size() < kFewestLandmarks)
-    fail("tracking from one camera needs at least {} landmarks on the skeleton, received {}", kFewestLandmarks,
+  if (landmarks.size() < kMinLandmarks)
+    fail("tracking from one camera needs at least {} landmarks on the skeleton, received {}", kMinLandmarks,
          landmarks.size());
   if (!model_.root())
     fail(

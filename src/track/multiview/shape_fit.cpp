@@ -12,10 +12,10 @@
 namespace doppel {
 namespace {
 
-constexpr int kPoses = 24;             // over which the distances of pairs are compared
-constexpr double kFarthestBend = 1.2;  // radians from the rest pose, for DoFs without limits
-constexpr double kSteady = 0.15;       // largest deviation over poses of the distance of a pair that counts, as a share
-constexpr double kShortestPair = 0.08;   // metres; the error of landmarks is too large for shorter pairs
+constexpr int kPoses = 24;         // over which the distances of pairs are compared
+constexpr double kMaxBend = 1.2;   // radians from the rest pose, for DoFs without limits
+constexpr double kSteady = 0.15;   // largest deviation over poses of the distance of a pair that counts, as a share
+constexpr double kMinPair = 0.08;  // metres; the error of landmarks is too large for shorter pairs
 constexpr double kDistanceWeight = 1e5;  // per squared metre, beside 1 per squared deviation of a parameter
 
 /// Poses spread over the ranges of the DoFs.
@@ -26,8 +26,7 @@ std::vector<std::vector<double>> various_poses(const Character& character) {
     std::vector<double> dofs = character.rest_dofs;
     for (std::size_t d = 0; d < dofs.size(); ++d) {
       const auto limits = character.skeleton.dofs[d].limits;
-      const double low = limits ? (*limits)[0] : dofs[d] - kFarthestBend,
-                   high = limits ? (*limits)[1] : dofs[d] + kFarthestBend;
+      const double low = limits ? (*limits)[0] : dofs[d] - kMaxBend, high = limits ? (*limits)[1] : dofs[d] + kMaxBend;
       const double share = static_cast<double>(random()) / static_cast<double>(std::mt19937_64::max());
       dofs[d] = low + share * (high - low);
     }
@@ -65,7 +64,7 @@ std::vector<SteadyPair> steady_pairs(const Character& character, const std::vect
       double squares = 0.0;
       for (const PosedBody& pose : posed) squares += std::pow(distance(pose) - rest, 2);
       const double deviation = std::sqrt(squares / static_cast<double>(posed.size()));
-      if (rest >= kShortestPair && deviation <= tolerance * rest) pairs.push_back({{a, b}, deviation});
+      if (rest >= kMinPair && deviation <= tolerance * rest) pairs.push_back({{a, b}, deviation});
     }
   return pairs;
 }

@@ -14,7 +14,7 @@ namespace doppel {
 namespace {
 
 constexpr double kReferenceSide = 1024.0;
-constexpr double kWidestResidual = 2.5;  // of a view that counts at all, in units of `kernel`
+constexpr double kMaxResidual = 2.5;  // of a view that counts at all, in units of `kernel`
 constexpr int kRefinementSteps = 12;
 constexpr int kParabola = 2;
 
@@ -23,7 +23,7 @@ class Triangulator {
  public:
   Triangulator(const PointTracks& tracks, const std::vector<Camera>& cameras, const PointMotionOptions& options)
       : tracks_(tracks), cameras_(cameras), options_(options), last_(as_size(tracks.num_points())) {
-    triangulation_.inlier_threshold = kWidestResidual * options.kernel;
+    triangulation_.inlier_threshold = kMaxResidual * options.kernel;
     triangulation_.kernel = options.kernel;
     triangulation_.refinement_steps = kRefinementSteps;
     for (const Camera& camera : cameras) {

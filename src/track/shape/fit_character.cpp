@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "doppel/character/landmark_places.h"
+#include "doppel/character/landmark_positions.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/log.h"
@@ -25,10 +25,10 @@ class PosedImages {
   template <typename Use>
   void each(const Use& use) const {
     std::unique_ptr<FootageReader> reader;
-    for (std::size_t f = 0; f < poses_.places.size(); ++f) {
-      const SeenFrames::Place& place = poses_.places[f];
-      if (f == 0 || place.sequence != poses_.places[f - 1].sequence) reader = footage_.read(place.sequence);
-      use(f, reader->read(place.frame, true));
+    for (std::size_t f = 0; f < poses_.samples.size(); ++f) {
+      const SeenFrames::Sample& sample = poses_.samples[f];
+      if (f == 0 || sample.sequence != poses_.samples[f - 1].sequence) reader = footage_.read(sample.sequence);
+      use(f, reader->read(sample.frame, true));
     }
   }
 
@@ -77,7 +77,7 @@ cv::Mat sheet_of(const Footage& footage, const FitCharacterOptions& options, con
     TrackedFrame found;
     found.dofs = fitted.poses.frames[f].dofs;
     found.state = FrameState::tracked;
-    sheet.add(fitted.poses.places[f].frame, seen, found);
+    sheet.add(fitted.poses.samples[f].frame, seen, found);
   });
   return sheet.image();
 }
@@ -126,7 +126,7 @@ FittedCharacter fit_character(const ShapeFamily& family, const Footage& footage,
 
   ShapedCharacter shaped =
       find_shape(family, names, footage.cameras(), frames, options.config, options.shape, progress);
-  ShapedCharacter placed = find_shape(LandmarkPlaces(shaped.character, names), names, footage.cameras(), frames,
+  ShapedCharacter placed = find_shape(LandmarkPositions(shaped.character, names), names, footage.cameras(), frames,
                                       options.config, options.shape, progress);
   FittedCharacter fitted;
   fitted.landmarks = markers_named(placed.character.skeleton, names);

@@ -35,8 +35,8 @@ struct FittedCharacter {
 };
 
 /// Makes the character of a filmed person without a scan: the shape of a family that fits keypoints and outlines of
-/// many frames best, then the places of the detector's landmarks on this body (LandmarkPlaces), then a template that is
-/// bent to the outlines of all these frames by the embedded graph, then a texture from their images.
+/// many frames best, then the positions of the detector's landmarks on this body (LandmarkPositions), then a template
+/// that is bent to the outlines of all these frames by the embedded graph, then a texture from their images.
 /// @param footage of a capture with keypoints, opened for a character of the family; masks and images are used where
 ///   there are any
 /// @throws UsageError for an unknown sequence; Error when no frame can be fitted

@@ -36,7 +36,7 @@ SeenFrames see_frames(const Footage& footage, const std::vector<FootageSequence>
     const int share = std::max(1, static_cast<int>(count * sequence.num_frames() / std::max(1L, all)));
     for (const long frame : spread_frames(sequence, share)) {
       check_not_stopped(sequence, frame);
-      result.places.push_back({sequence.index, frame});
+      result.samples.push_back({sequence.index, frame});
       result.seen.push_back(reader->read(frame, false).evidence);
       progress.advance(1, "reading");
     }
@@ -67,7 +67,7 @@ PosedFrames find_poses(const Character& character, const std::vector<Marker>& la
     result.overlap +=
         outlines.overlap(frames.seen[f], posed_vertices(tracker.model(), tracker.model().pose(found.dofs, false)));
     result.frames.push_back({frames.seen[f], std::move(found.dofs)});
-    result.places.push_back(frames.places[f]);
+    result.samples.push_back(frames.samples[f]);
   }
   if (result.frames.empty())
     fail(

@@ -17,11 +17,11 @@ namespace doppel {
 /// What the cameras saw in some frames.
 struct SeenFrames {
   /// A frame of a sequence.
-  struct Place {
+  struct Sample {
     int sequence = 0;  ///< index in `Footage::sequences`
     long frame = 0;
   };
-  std::vector<Place> places;        ///< [F] ascending
+  std::vector<Sample> samples;      ///< [F] ascending
   std::vector<FrameEvidence> seen;  ///< [F]
 };
 
@@ -36,11 +36,11 @@ double triangulation_residual(const std::vector<PinholeCamera>& cameras, const S
 
 /// A character and its poses in some frames.
 struct PosedFrames {
-  std::vector<PosedEvidence> frames;      ///< those that are not lost
-  std::vector<SeenFrames::Place> places;  ///< of `frames`
-  double keypoint_error = 0.0;            ///< mean distance of the inliers, reference pixels
-  double inlier_ratio = 0.0;              ///< inliers among the confident keypoints, mean over these frames
-  double overlap = 0.0;                   ///< IoU of the skinned surface with the masks, mean; 0 without masks
+  std::vector<PosedEvidence> frames;        ///< those that are not lost
+  std::vector<SeenFrames::Sample> samples;  ///< of `frames`
+  double keypoint_error = 0.0;              ///< mean distance of the inliers, reference pixels
+  double inlier_ratio = 0.0;                ///< inliers among the confident keypoints, mean over these frames
+  double overlap = 0.0;                     ///< IoU of the skinned surface with the masks, mean; 0 without masks
 };
 
 /// The pose of each frame, each from its own triangulated landmarks.

@@ -173,10 +173,10 @@ BoardSightings sightings(const Camera& camera, const Board& board, const std::ve
 
 TEST(CalibrateBoard, RigThatNoBoardShowsAtOnce) {
   const Board board = parse_board("charuco:9x6:100mm:75mm:DICT_5X5_100");
-  std::vector<Camera> truth;
+  std::vector<Camera> ground_truth;
   for (Camera camera : ring_of_cameras(6, 800, {0, 1.0, 0})) {
     camera.distortion[0] = -0.08;
-    truth.push_back(camera);
+    ground_truth.push_back(camera);
   }
   std::vector<BoardPose> poses;
   for (int i = 0; i < 90; ++i) {
@@ -186,8 +186,8 @@ TEST(CalibrateBoard, RigThatNoBoardShowsAtOnce) {
                            0.5 * std::cos(1.1 * i), 0.3 * std::sin(i), board));
   }
   std::vector<BoardSightings> seen;
-  for (std::size_t c = 0; c < truth.size(); ++c)
-    seen.push_back(sightings(truth[c], board, poses, static_cast<unsigned>(c)));
+  for (std::size_t c = 0; c < ground_truth.size(); ++c)
+    seen.push_back(sightings(ground_truth[c], board, poses, static_cast<unsigned>(c)));
   const BoardCalibration found = calibrate_boards(seen, board);
   EXPECT_LT(found.rms, 0.3);
   std::vector<Camera> cameras;
@@ -195,13 +195,15 @@ TEST(CalibrateBoard, RigThatNoBoardShowsAtOnce) {
     ASSERT_TRUE(camera.posed);
     cameras.push_back(camera.intrinsics.camera);
   }
-  const support::RigError error = support::error_of(cameras, truth);
+  const support::RigError error = support::error_of(cameras, ground_truth);
   // Each camera sees some twenty boards: its principal point is 3 pixels off, which a turn of 0.2 degrees makes up for.
   EXPECT_LT(error.degrees, 0.3);
   EXPECT_LT(error.metres, 0.005);
-  for (std::size_t c = 0; c < truth.size(); ++c) EXPECT_NEAR(cameras[c].K(0, 0) / truth[c].K(0, 0), 1.0, 0.004);
+  for (std::size_t c = 0; c < ground_truth.size(); ++c)
+    EXPECT_NEAR(cameras[c].K(0, 0) / ground_truth[c].K(0, 0), 1.0, 0.004);
   // The board gives the scale.
-  EXPECT_NEAR((cameras[0].centre() - cameras[3].centre()).norm(), (truth[0].centre() - truth[3].centre()).norm(), 0.02);
+  EXPECT_NEAR((cameras[0].centre() - cameras[3].centre()).norm(),
+              (ground_truth[0].centre() - ground_truth[3].centre()).norm(), 0.02);
   EXPECT_GT(cameras[0].centre().y(), 0.0);
 
   seen[5].views.clear();

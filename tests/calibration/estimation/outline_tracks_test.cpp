@@ -108,13 +108,13 @@ PointTracks biased(PointTracks tracks, double pixels) {
 }
 
 TEST(OutlineTracks, OutlinesMendWhatBiasedPointsCannot) {
-  const std::vector<Camera> truth = rig_of(6, 1000), start = support::disturbed(truth, 2.0, 0.05, 3);
+  const std::vector<Camera> ground_truth = rig_of(6, 1000), start = support::disturbed(ground_truth, 2.0, 0.05, 3);
   support::FilmOptions film;
   film.frames = 150;
-  const PointTracks points = biased(support::film(truth, walker, film), 4.0);
-  const support::RigError by_points = support::error_of(refine_rig(start, points).cameras, truth);
-  const RigRefinement found = refine_rig(start, {{points, outlines_of(truth, walker, 150, 25.0, 0.2, 1)}});
-  const support::RigError error = support::error_of(found.cameras, truth);
+  const PointTracks points = biased(support::film(ground_truth, walker, film), 4.0);
+  const support::RigError by_points = support::error_of(refine_rig(start, points).cameras, ground_truth);
+  const RigRefinement found = refine_rig(start, {{points, outlines_of(ground_truth, walker, 150, 25.0, 0.2, 1)}});
+  const support::RigError error = support::error_of(found.cameras, ground_truth);
   EXPECT_GT(by_points.metres, 2.0 * error.metres);
   EXPECT_LT(error.degrees, 0.1);
   EXPECT_LT(error.metres, 0.003);

@@ -139,17 +139,17 @@ TEST_F(RealRig, OutlinesSharpenOffsets) {
 }
 
 TEST_F(RealRig, RecoversExtrinsics) {
-  const std::vector<Camera> truth = cameras();
+  const std::vector<Camera> ground_truth = cameras();
   const PointTracks seen = tracks("training", 160);
   RefineOptions options;
   options.most_times = 160;
-  std::vector<double> at_truth;
-  for (const std::vector<double>& of_camera : reprojection_distances(truth, seen, seen.times()))
-    at_truth.insert(at_truth.end(), of_camera.begin(), of_camera.end());
-  const double truth_median = quantile(at_truth, 0.5);
+  std::vector<double> at_ground_truth;
+  for (const std::vector<double>& of_camera : reprojection_distances(ground_truth, seen, seen.times()))
+    at_ground_truth.insert(at_ground_truth.end(), of_camera.begin(), of_camera.end());
+  const double ground_truth_median = quantile(at_ground_truth, 0.5);
   for (unsigned seed = 1; seed <= 2; ++seed) {
-    const RigRefinement found = refine_rig(support::disturbed(truth, 2.0, 0.05, seed), seen, options);
-    const RigError error = support::error_of(found.cameras, truth);
+    const RigRefinement found = refine_rig(support::disturbed(ground_truth, 2.0, 0.05, seed), seen, options);
+    const RigError error = support::error_of(found.cameras, ground_truth);
     std::cout << "extrinsics: " << error.degrees << " degrees, " << 1000.0 * error.metres << " mm; sigma "
               << found.reports[1].rotation_sigma * 180.0 / M_PI << " degrees, "
               << 1000.0 * found.reports[1].centre_sigma << " mm; median " << found.median_before << " -> "
@@ -158,16 +158,16 @@ TEST_F(RealRig, RecoversExtrinsics) {
     // the true cameras have no smaller residuals than those found. With 220 frames of both takes, 7 mm are left.
     EXPECT_LT(error.degrees, 0.2);
     EXPECT_LT(error.metres, 0.015);
-    EXPECT_LT(found.median_after, 1.02 * truth_median);
+    EXPECT_LT(found.median_after, 1.02 * ground_truth_median);
   }
 }
 
 TEST_F(RealRig, OutlinesRecoverExtrinsics) {
-  const std::vector<Camera> truth = cameras();
+  const std::vector<Camera> ground_truth = cameras();
   const std::vector<RigTake> seen = takes();
   for (unsigned seed = 1; seed <= 3; ++seed) {
     const RigError error =
-        support::error_of(refine_rig(support::disturbed(truth, 2.0, 0.05, seed), seen).cameras, truth);
+        support::error_of(refine_rig(support::disturbed(ground_truth, 2.0, 0.05, seed), seen).cameras, ground_truth);
     std::cout << "extrinsics by points and outlines: " << error.degrees << " degrees, " << 1000.0 * error.metres
               << " mm\n";
     EXPECT_LT(error.degrees, 0.1);
@@ -176,16 +176,16 @@ TEST_F(RealRig, OutlinesRecoverExtrinsics) {
 }
 
 TEST_F(RealRig, OutlinesRecoverFocalLengths) {
-  const std::vector<Camera> truth = cameras();
-  std::vector<Camera> start = truth;
+  const std::vector<Camera> ground_truth = cameras();
+  std::vector<Camera> start = ground_truth;
   for (std::size_t c = 0; c < start.size(); ++c) start[c].K.topLeftCorner<2, 2>() *= c % 2 ? 1.03 : 0.97;
   RefineOptions options;
   options.focal = true;
   const RigRefinement found = refine_rig(start, takes(), options);
   double mean = 0.0;
-  for (std::size_t c = 0; c < truth.size(); ++c) {
-    const double error = std::abs(found.cameras[c].K(0, 0) / truth[c].K(0, 0) - 1.0);
-    mean += error / static_cast<double>(truth.size());
+  for (std::size_t c = 0; c < ground_truth.size(); ++c) {
+    const double error = std::abs(found.cameras[c].K(0, 0) / ground_truth[c].K(0, 0) - 1.0);
+    mean += error / static_cast<double>(ground_truth.size());
     EXPECT_LT(error, 0.006) << c;
   }
   std::cout << "focal lengths by points and outlines: " << 100.0 * mean << " % off in the mean\n";
@@ -193,16 +193,16 @@ TEST_F(RealRig, OutlinesRecoverFocalLengths) {
 }
 
 TEST_F(RealRig, RecoversFocalLengths) {
-  const std::vector<Camera> truth = cameras();
-  std::vector<Camera> start = truth;
+  const std::vector<Camera> ground_truth = cameras();
+  std::vector<Camera> start = ground_truth;
   for (std::size_t c = 0; c < start.size(); ++c) start[c].K.topLeftCorner<2, 2>() *= c % 2 ? 1.03 : 0.97;
   RefineOptions options;
   options.focal = true;
   options.most_times = 160;
   const RigRefinement found = refine_rig(start, tracks("training", 160), options);
-  for (std::size_t c = 0; c < truth.size(); ++c) {
-    const double ratio = found.cameras[c].K(0, 0) / truth[c].K(0, 0);
-    std::cout << "focal length of " << truth[c].name << ": " << 100.0 * (ratio - 1.0) << " % off, sigma "
+  for (std::size_t c = 0; c < ground_truth.size(); ++c) {
+    const double ratio = found.cameras[c].K(0, 0) / ground_truth[c].K(0, 0);
+    std::cout << "focal length of " << ground_truth[c].name << ": " << 100.0 * (ratio - 1.0) << " % off, sigma "
               << 100.0 * found.reports[c].focal_sigma << " %\n";
     // A person who fills a third of the image for 6 s: the standard deviations are 0.3 to 0.6 %. They are a little too
     // small, because half of the detector's noise lasts longer than a stretch of the covariance.
@@ -216,10 +216,10 @@ TEST_F(RealRig, NoCameraMoved) { EXPECT_TRUE(find_moved_cameras(cameras(), track
 TEST_F(RealRig, IntrinsicsFromPhotographsOfABoard) {
   const fs::path folder = shared_ / "captures" / "p2s";
   const Board board = parse_board("chessboard:4x7:60mm");
-  const std::vector<Camera> truth = read_calibration(folder / "calibration.toml");
+  const std::vector<Camera> ground_truth = read_calibration(folder / "calibration.toml");
   for (std::size_t c = 0; c < 4; ++c) {
     BoardSightings seen;
-    seen.camera = truth[c].name;
+    seen.camera = ground_truth[c].name;
     std::vector<fs::path> images;
     for (const auto& entry : fs::directory_iterator(folder / "board" / fmt::format("int_cam{:02}_img", c + 1)))
       images.push_back(entry.path());
@@ -231,10 +231,10 @@ TEST_F(RealRig, IntrinsicsFromPhotographsOfABoard) {
       if (const auto view = find_board(image, board)) seen.views[static_cast<long>(i)] = *view;
     }
     const CameraIntrinsics found = calibrate_intrinsics(seen, board);
-    std::cout << seen.camera << ": " << images.size() << " pictures of " << seen.width << "x" << seen.height << ", "
+    std::cout << seen.camera << ": " << images.size() << " images of " << seen.width << "x" << seen.height << ", "
               << seen.views.size() << " with the board; focal length " << found.camera.K(0, 0) << " +- "
-              << found.focal_sigma << ", reference " << truth[c].K(0, 0) << "; rms " << found.rms << " px\n";
-    EXPECT_NEAR(found.camera.K(0, 0) / truth[c].K(0, 0), 1.0, 0.01) << seen.camera;
+              << found.focal_sigma << ", reference " << ground_truth[c].K(0, 0) << "; rms " << found.rms << " px\n";
+    EXPECT_NEAR(found.camera.K(0, 0) / ground_truth[c].K(0, 0), 1.0, 0.01) << seen.camera;
   }
 }
 

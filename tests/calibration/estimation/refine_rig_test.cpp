@@ -24,13 +24,13 @@ using ::testing::HasSubstr;
 TEST(RefineRig, RecoversDisturbedCameras) {
   for (unsigned seed = 1; seed <= 3; ++seed) {
     const int count = 2 * static_cast<int>(seed) + 2, size = seed == 1 ? 1000 : 512;
-    const std::vector<Camera> truth = rig_of(count, size), start = disturbed(truth, 2.0, 0.05, seed);
+    const std::vector<Camera> ground_truth = rig_of(count, size), start = disturbed(ground_truth, 2.0, 0.05, seed);
     FilmOptions options;
     options.seed = seed;
     options.frames = 300;
     options.outliers = 0.01 * (2.0 * seed - 1.0);
-    const RigRefinement found = refine_rig(start, film(truth, walker, options));
-    const RigError error = error_of(found.cameras, truth);
+    const RigRefinement found = refine_rig(start, film(ground_truth, walker, options));
+    const RigError error = error_of(found.cameras, ground_truth);
     EXPECT_LT(error.degrees, 0.1) << "seed " << seed;
     EXPECT_LT(error.metres, 0.003) << "seed " << seed;
     EXPECT_LT(found.median_after, 0.4 * found.median_before);
@@ -44,54 +44,55 @@ TEST(RefineRig, RecoversDisturbedCameras) {
 }
 
 TEST(RefineRig, OneCameraFarOff) {
-  const std::vector<Camera> truth = rig_of(5, 800);
-  std::vector<Camera> start = truth;
-  start[2] = disturbed({truth[2]}, 4.0, 0.15, 5)[0];
+  const std::vector<Camera> ground_truth = rig_of(5, 800);
+  std::vector<Camera> start = ground_truth;
+  start[2] = disturbed({ground_truth[2]}, 4.0, 0.15, 5)[0];
   FilmOptions options;
   options.frames = 250;
   RefineOptions refine;
   refine.fixed = {0, 1, 3, 4};
-  const RigRefinement found = refine_rig(start, film(truth, walker, options), refine);
-  EXPECT_LT((found.cameras[2].centre() - truth[2].centre()).norm(), 0.003);
-  EXPECT_LT(Eigen::AngleAxisd(found.cameras[2].R * truth[2].R.transpose()).angle(), 0.1 * M_PI / 180.0);
-  for (const std::size_t c : {0U, 1U, 3U, 4U}) EXPECT_EQ(found.cameras[c].t, truth[c].t);
+  const RigRefinement found = refine_rig(start, film(ground_truth, walker, options), refine);
+  EXPECT_LT((found.cameras[2].centre() - ground_truth[2].centre()).norm(), 0.003);
+  EXPECT_LT(Eigen::AngleAxisd(found.cameras[2].R * ground_truth[2].R.transpose()).angle(), 0.1 * M_PI / 180.0);
+  for (const std::size_t c : {0U, 1U, 3U, 4U}) EXPECT_EQ(found.cameras[c].t, ground_truth[c].t);
 }
 
 TEST(RefineRig, RecoversFocalLengths) {
-  const std::vector<Camera> truth = rig_of(6, 1000);
-  std::vector<Camera> start = disturbed(truth, 1.0, 0.02, 9);
+  const std::vector<Camera> ground_truth = rig_of(6, 1000);
+  std::vector<Camera> start = disturbed(ground_truth, 1.0, 0.02, 9);
   for (std::size_t c = 0; c < start.size(); ++c) start[c].K.topLeftCorner<2, 2>() *= c % 2 ? 1.03 : 0.97;
   FilmOptions options;
   options.frames = 400;
   RefineOptions refine;
   refine.focal = true;
   refine.most_times = 400;
-  const RigRefinement found = refine_rig(start, film(truth, walker, options), refine);
-  for (std::size_t c = 0; c < truth.size(); ++c) {
-    EXPECT_NEAR(found.cameras[c].K(0, 0) / truth[c].K(0, 0), 1.0, 0.003) << c;
-    EXPECT_NEAR(found.cameras[c].K(1, 1) / truth[c].K(1, 1), 1.0, 0.003) << c;
+  const RigRefinement found = refine_rig(start, film(ground_truth, walker, options), refine);
+  for (std::size_t c = 0; c < ground_truth.size(); ++c) {
+    EXPECT_NEAR(found.cameras[c].K(0, 0) / ground_truth[c].K(0, 0), 1.0, 0.003) << c;
+    EXPECT_NEAR(found.cameras[c].K(1, 1) / ground_truth[c].K(1, 1), 1.0, 0.003) << c;
     EXPECT_LT(found.reports[c].focal_sigma, 0.003);
     EXPECT_GT(found.reports[c].focal_sigma, 0.0);
   }
-  EXPECT_LT(error_of(found.cameras, truth).degrees, 0.1);
+  EXPECT_LT(error_of(found.cameras, ground_truth).degrees, 0.1);
 }
 
 TEST(RefineRig, LensesAndPrincipalPoints) {
-  std::vector<Camera> truth = rig_of(6, 1000);
-  for (std::size_t c = 0; c < truth.size(); ++c) {
-    if (c % 2) truth[c].lens = Lens::fisheye;
-    truth[c].distortion[0] = -0.1;
-    truth[c].distortion[1] = 0.03;
+  std::vector<Camera> ground_truth = rig_of(6, 1000);
+  for (std::size_t c = 0; c < ground_truth.size(); ++c) {
+    if (c % 2) ground_truth[c].lens = Lens::fisheye;
+    ground_truth[c].distortion[0] = -0.1;
+    ground_truth[c].distortion[1] = 0.03;
   }
-  std::vector<Camera> start = disturbed(truth, 1.0, 0.02, 4);
+  std::vector<Camera> start = disturbed(ground_truth, 1.0, 0.02, 4);
   for (Camera& camera : start) camera.K(0, 2) += 8.0;
   FilmOptions options;
   options.frames = 300;
   RefineOptions refine;
   refine.principal_point = true;
-  const RigRefinement found = refine_rig(start, film(truth, walker, options), refine);
+  const RigRefinement found = refine_rig(start, film(ground_truth, walker, options), refine);
   // A shift of the principal point looks much like a turn of the camera: half of the 8 pixels remain at worst.
-  for (std::size_t c = 0; c < truth.size(); ++c) EXPECT_NEAR(found.cameras[c].K(0, 2), truth[c].K(0, 2), 4.0) << c;
+  for (std::size_t c = 0; c < ground_truth.size(); ++c)
+    EXPECT_NEAR(found.cameras[c].K(0, 2), ground_truth[c].K(0, 2), 4.0) << c;
   EXPECT_LT(found.median_after, 2.2);
 }
 
@@ -101,14 +102,14 @@ struct CentreErrors {
 };
 /// @param degrees, metres errors of the cameras before the refinement
 CentreErrors centre_errors(unsigned first_seed, FilmOptions options, double degrees, double metres) {
-  const std::vector<Camera> truth = rig_of(5, 800);
+  const std::vector<Camera> ground_truth = rig_of(5, 800);
   CentreErrors sums;
   for (options.seed = first_seed; options.seed < first_seed + 4; ++options.seed) {
-    const std::vector<Camera> start = disturbed(truth, degrees, metres, options.seed);
-    const RigRefinement found = refine_rig(start, film(truth, walker, options));
-    const std::vector<Camera> aligned = support::aligned(found.cameras, truth);
-    for (std::size_t c = 0; c < truth.size(); ++c) {
-      sums.errors += (aligned[c].centre() - truth[c].centre()).squaredNorm();
+    const std::vector<Camera> start = disturbed(ground_truth, degrees, metres, options.seed);
+    const RigRefinement found = refine_rig(start, film(ground_truth, walker, options));
+    const std::vector<Camera> aligned = support::aligned(found.cameras, ground_truth);
+    for (std::size_t c = 0; c < ground_truth.size(); ++c) {
+      sums.errors += (aligned[c].centre() - ground_truth[c].centre()).squaredNorm();
       sums.variances += std::pow(found.reports[c].centre_sigma, 2);
     }
   }
@@ -129,24 +130,24 @@ TEST(RefineRig, SigmasOfAShortRecordingAreNotTooSmall) {
 }
 
 TEST(RefineRig, LimbsOfConstantLengthHelpFewCameras) {
-  const std::vector<Camera> truth = rig_of(3, 512);
+  const std::vector<Camera> ground_truth = rig_of(3, 512);
   FilmOptions options;
   options.frames = 120;
   options.noise = 3.0;
-  const PointTracks tracks = film(truth, walker, options);
-  const std::vector<Camera> start = disturbed(truth, 2.0, 0.05, 2);
+  const PointTracks tracks = film(ground_truth, walker, options);
+  const std::vector<Camera> start = disturbed(ground_truth, 2.0, 0.05, 2);
   RefineOptions refine;
-  const RigError without = error_of(refine_rig(start, tracks, refine).cameras, truth);
+  const RigError without = error_of(refine_rig(start, tracks, refine).cameras, ground_truth);
   refine.limbs = {{3, 4}, {4, 5}, {6, 7}, {7, 8}, {9, 10}, {10, 11}, {12, 13}, {13, 14}};
   refine.limb_sigma = 0.01;
-  const RigError with = error_of(refine_rig(start, tracks, refine).cameras, truth);
+  const RigError with = error_of(refine_rig(start, tracks, refine).cameras, ground_truth);
   EXPECT_LT(with.metres, without.metres);
 }
 
 TEST(RefineRig, LeavesOutACameraWithoutPoints) {
-  const std::vector<Camera> truth = rig_of(5, 512);
-  const std::vector<Camera> start = disturbed(truth, 1.0, 0.02, 3);
-  PointTracks tracks = film(truth, walker, {});
+  const std::vector<Camera> ground_truth = rig_of(5, 512);
+  const std::vector<Camera> start = disturbed(ground_truth, 1.0, 0.02, 3);
+  PointTracks tracks = film(ground_truth, walker, {});
   tracks.cameras[3] = CameraTrack(tracks.cameras[3].name, 25.0, 200, support::kWalkerPoints);
   const RigRefinement found = refine_rig(start, tracks);
   EXPECT_FALSE(found.reports[3].refined);
@@ -167,7 +168,7 @@ TEST(RefineRig, RefusesHostileInput) {
     for (long f = 0; f < 200; ++f)
       for (int k = 0; k < support::kWalkerPoints; ++k)
         same.cameras[c].at(f, k) = {cameras[c].project({0.1, 1.0, 0.0}), 1.0};
-  EXPECT_THAT(message_of<Error>([&] { refine_rig(cameras, same); }), HasSubstr("one place"));
+  EXPECT_THAT(message_of<Error>([&] { refine_rig(cameras, same); }), HasSubstr("one position"));
   PointTracks broken = tracks;
   for (CameraTrack& track : broken.cameras)
     for (long f = 0; f < 200; ++f)

@@ -31,13 +31,13 @@ inline std::vector<Camera> aligned(std::vector<Camera> cameras, const std::vecto
 }
 
 /// The largest error of a camera after alignment.
-inline RigError error_of(const std::vector<Camera>& cameras, const std::vector<Camera>& truth) {
+inline RigError error_of(const std::vector<Camera>& cameras, const std::vector<Camera>& ground_truth) {
   RigError error;
-  const std::vector<Camera> moved = aligned(cameras, truth);
-  for (std::size_t c = 0; c < truth.size(); ++c) {
-    const double angle = Eigen::AngleAxisd(moved[c].R * truth[c].R.transpose()).angle();
+  const std::vector<Camera> moved = aligned(cameras, ground_truth);
+  for (std::size_t c = 0; c < ground_truth.size(); ++c) {
+    const double angle = Eigen::AngleAxisd(moved[c].R * ground_truth[c].R.transpose()).angle();
     error.degrees = std::max(error.degrees, angle * 180.0 / M_PI);
-    error.metres = std::max(error.metres, (moved[c].centre() - truth[c].centre()).norm());
+    error.metres = std::max(error.metres, (moved[c].centre() - ground_truth[c].centre()).norm());
   }
   return error;
 }

@@ -21,13 +21,13 @@ using ::testing::HasSubstr;
 constexpr double kTenthOfFrame = 0.1;
 
 /// The largest error of the offsets relative to the reference, in frames; all must be known.
-double worst_error(const Synchronisation& found, const FilmOptions& truth) {
+double worst_error(const Synchronisation& found, const FilmOptions& ground_truth) {
   double worst = 0.0;
-  const double base = truth.offset[0] / (truth.fps.empty() ? 25.0 : truth.fps[0]);
+  const double base = ground_truth.offset[0] / (ground_truth.fps.empty() ? 25.0 : ground_truth.fps[0]);
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
-    const double fps = truth.fps.empty() ? 25.0 : truth.fps[c];
+    const double fps = ground_truth.fps.empty() ? 25.0 : ground_truth.fps[c];
     EXPECT_TRUE(found.cameras[c].known) << found.cameras[c].name << ": " << found.cameras[c].reason;
-    worst = std::max(worst, std::abs(found.cameras[c].offset - (truth.offset[c] - base * fps)));
+    worst = std::max(worst, std::abs(found.cameras[c].offset - (ground_truth.offset[c] - base * fps)));
   }
   return worst;
 }

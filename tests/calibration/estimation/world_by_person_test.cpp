@@ -33,29 +33,29 @@ std::vector<Camera> elsewhere(const std::vector<Camera>& cameras, double scale, 
 }
 
 /// Degrees between the true up and the one found, and the largest error of a camera's height over the floor, metres.
-std::pair<double, double> errors(const std::vector<Camera>& truth, const std::vector<Camera>& given,
+std::pair<double, double> errors(const std::vector<Camera>& ground_truth, const std::vector<Camera>& given,
                                  const WorldByPerson& found) {
   double degrees = 0.0, height = 0.0;
-  for (std::size_t c = 0; c < truth.size(); ++c) {
+  for (std::size_t c = 0; c < ground_truth.size(); ++c) {
     const Camera camera = transformed(given[c], found.world);
-    const Eigen::Vector3d up = truth[c].R.transpose() * (camera.R * Eigen::Vector3d::UnitY());
+    const Eigen::Vector3d up = ground_truth[c].R.transpose() * (camera.R * Eigen::Vector3d::UnitY());
     degrees = std::max(degrees, std::acos(std::min(1.0, up.y())) * 180.0 / M_PI);
-    height = std::max(height, std::abs(camera.centre().y() - truth[c].centre().y()));
+    height = std::max(height, std::abs(camera.centre().y() - ground_truth[c].centre().y()));
   }
   return {degrees, height};
 }
 
 TEST(WorldByPerson, FindsFloorUpAndMetresOfAWorldWithoutThem) {
-  const std::vector<Camera> truth = rig_of(5, 800);
+  const std::vector<Camera> ground_truth = rig_of(5, 800);
   FilmOptions options;
   options.frames = 200;
-  const PointTracks seen = film(truth, walker, options);
+  const PointTracks seen = film(ground_truth, walker, options);
   for (const double scale : {0.01, 0.7, 400.0}) {
-    const std::vector<Camera> given = elsewhere(truth, scale, {1.2, 0.4, -2.0});
+    const std::vector<Camera> given = elsewhere(ground_truth, scale, {1.2, 0.4, -2.0});
     WorldOptions metres;
     metres.stature = kWalkersStature;
     const WorldByPerson found = world_by_person(given, seen, kWalker, metres);
-    const auto [degrees, height] = errors(truth, given, found);
+    const auto [degrees, height] = errors(ground_truth, given, found);
     EXPECT_TRUE(found.scaled);
     EXPECT_NEAR(found.world.scale * scale, 1.0, 0.02);
     EXPECT_LT(degrees, 1.5);
@@ -65,23 +65,24 @@ TEST(WorldByPerson, FindsFloorUpAndMetresOfAWorldWithoutThem) {
 }
 
 TEST(WorldByPerson, KeepsTheScaleOfAMetricWorld) {
-  const std::vector<Camera> truth = rig_of(4, 800), given = elsewhere(truth, 1.0, {0.3, 0.0, 0.2});
-  const WorldByPerson found = world_by_person(given, film(truth, walker, {}), kWalker);
+  const std::vector<Camera> ground_truth = rig_of(4, 800), given = elsewhere(ground_truth, 1.0, {0.3, 0.0, 0.2});
+  const WorldByPerson found = world_by_person(given, film(ground_truth, walker, {}), kWalker);
   EXPECT_FALSE(found.scaled);
   EXPECT_EQ(found.world.scale, 1.0);
   EXPECT_NEAR(found.stature, kWalkersStature, 0.05);
   EXPECT_NEAR(found.turn, std::acos(std::cos(0.36)), 0.03);
-  EXPECT_LT(errors(truth, given, found).first, 1.5);
-  const WorldByPerson usual = world_by_person(elsewhere(truth, 0.1, {0.3, 0.0, 0.2}), film(truth, walker, {}), kWalker);
+  EXPECT_LT(errors(ground_truth, given, found).first, 1.5);
+  const WorldByPerson usual =
+      world_by_person(elsewhere(ground_truth, 0.1, {0.3, 0.0, 0.2}), film(ground_truth, walker, {}), kWalker);
   EXPECT_TRUE(usual.scaled) << "nobody is 17 cm tall";
   EXPECT_NEAR(usual.stature, 1.7, 1e-12);
 }
 
 TEST(WorldByPerson, APersonOnOneSpotLeavesUpToTheUprightBody) {
-  const std::vector<Camera> truth = rig_of(4, 800);
+  const std::vector<Camera> ground_truth = rig_of(4, 800);
   const auto on_spot = [](double t) { return body_at({0.0, 0.0, 0.0}, 0.4, 3.0 * t, 0.3); };
-  const WorldByPerson found = world_by_person(truth, film(truth, on_spot, {}), kWalker);
-  const auto [degrees, height] = errors(truth, truth, found);
+  const WorldByPerson found = world_by_person(ground_truth, film(ground_truth, on_spot, {}), kWalker);
+  const auto [degrees, height] = errors(ground_truth, ground_truth, found);
   EXPECT_LT(degrees, 3.0);
   EXPECT_LT(height, 0.15);
 }

@@ -269,7 +269,7 @@ std::vector<Camera> cameras_to_write() {
     if (i == 2) camera.distortion[4] = 0.07;
     cameras.push_back(camera);
   }
-  // Two cameras at one place that look away from each other, which the reader must take as they are.
+  // Two cameras at one position that look away from each other, which the reader must take as they are.
   cameras.push_back(cameras[0]);
   cameras.back().name = "double";
   return cameras;

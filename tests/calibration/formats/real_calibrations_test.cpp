@@ -38,9 +38,9 @@ TEST_F(RealCalibrationFiles, BothCalibrationFilesAgree) {
 }
 
 struct Sample {
-  const char* file;    ///< below shared/formats
-  const char* truth;   ///< beside it, or one folder above
-  const char* format;  ///< expected name
+  const char* file;          ///< below shared/formats
+  const char* ground_truth;  ///< beside it, or one folder above
+  const char* format;        ///< expected name
 };
 
 const Sample kSamples[] = {
@@ -77,12 +77,12 @@ const Sample kSamples[] = {
     {"zju_annots_npy/made/annots.npy", "truth.json", "zju"},
 };
 
-Json read_truth(const fs::path& formats, const Sample& sample) {
+Json read_ground_truth(const fs::path& formats, const Sample& sample) {
   const fs::path file = formats / sample.file;
   const fs::path folder = fs::is_directory(file) ? file : file.parent_path();
-  const std::string truth = sample.truth;
+  const std::string ground_truth = sample.ground_truth;
   // "../" is relative to the folder of the sample.
-  std::ifstream stream((folder / truth).lexically_normal());
+  std::ifstream stream((folder / ground_truth).lexically_normal());
   return Json::parse(stream);
 }
 
@@ -92,8 +92,8 @@ Eigen::Vector3d vector_of(const Json& list) {
 
 class RealCalibrations : public support::SharedFolderTest, public ::testing::WithParamInterface<Sample> {};
 
-/// The pixel of the truth in the convention of the program. Where the format leaves the convention open, both are
-/// right.
+/// The pixel of the ground truth in the convention of the program. Where the format leaves the convention open, both
+/// are right.
 double pixel_distance(const Eigen::Vector2d& found, const Json& expected, const std::string& convention) {
   const Eigen::Vector2d pixel(expected[0].get<double>(), expected[1].get<double>());
   const double as_integer = (found - pixel - Eigen::Vector2d(0.5, 0.5)).norm(), as_half = (found - pixel).norm();
@@ -102,7 +102,8 @@ double pixel_distance(const Eigen::Vector2d& found, const Json& expected, const 
   return as_integer;
 }
 
-/// The camera as the truth has it: with its size, and for OptiTrack without the lens, which the truth leaves out.
+/// The camera as the ground truth has it: with its size, and for OptiTrack without the lens, which the ground truth
+/// leaves out.
 Camera comparable(Camera camera, const Json& expected, const std::string& format) {
   if (!expected["width"].is_null())
     camera = with_image_size(camera, expected["width"].get<int>(), expected["height"].get<int>());
@@ -110,17 +111,17 @@ Camera comparable(Camera camera, const Json& expected, const std::string& format
 }
 
 /// All cameras, or only those with a pose if there are any (a file of intrinsics may list more cameras).
-std::vector<Json> usable_cameras(const Json& truth) {
+std::vector<Json> usable_cameras(const Json& ground_truth) {
   const auto has_pose = [](const Json& camera) { return camera.contains("centre_m") && !camera["centre_m"].is_null(); };
-  const Json& all = truth["cameras"];
+  const Json& all = ground_truth["cameras"];
   if (std::none_of(all.begin(), all.end(), has_pose)) return {all.begin(), all.end()};
   std::vector<Json> cameras;
   std::copy_if(all.begin(), all.end(), std::back_inserter(cameras), has_pose);
   return cameras;
 }
 
-/// The camera of a name. A name in the truth may also be the path of an image, of which the reader takes the stem or
-/// the folder; names that are not found stand at the same place in the file.
+/// The camera of a name. A name in the ground truth may also be the path of an image, of which the reader takes the
+/// stem or the folder; names that are not found stand at the same position in the file.
 const Json& camera_named(const std::vector<Json>& cameras, const std::string& name, std::size_t index) {
   for (const Json& camera : cameras) {
     const fs::path path = camera["name"].get<std::string>();
@@ -130,23 +131,23 @@ const Json& camera_named(const std::vector<Json>& cameras, const std::string& na
 }
 
 /// Metashape's sample has coordinates of a map; the reader moves the origin near the cameras.
-Eigen::Vector3d origin_shift(const Calibration& found, const Json& truth) {
+Eigen::Vector3d origin_shift(const Calibration& found, const Json& ground_truth) {
   if (found.format != "metashape") return Eigen::Vector3d::Zero();
-  const Eigen::Vector3d expected = vector_of(truth["cameras"][0]["centre_m"]);
+  const Eigen::Vector3d expected = vector_of(ground_truth["cameras"][0]["centre_m"]);
   const Eigen::Vector3d shift = expected - found.cameras[0].centre();
   return shift.array().round();
 }
 
-TEST_P(RealCalibrations, IsReadByContentAndAgreesWithTheTruth) {
+TEST_P(RealCalibrations, IsReadByContentAndAgreesWithTheGroundTruth) {
   const Sample& sample = GetParam();
-  const Json truth = read_truth(shared_ / "formats", sample);
+  const Json ground_truth = read_ground_truth(shared_ / "formats", sample);
   CalibrationOptions options;
   options.up = "+y";  // keeps the axes of the file
   const Calibration found = load_calibration(shared_ / "formats" / sample.file, options);
   EXPECT_EQ(found.format, sample.format);
-  const std::vector<Json> expected_cameras = usable_cameras(truth);
+  const std::vector<Json> expected_cameras = usable_cameras(ground_truth);
   ASSERT_EQ(found.cameras.size(), expected_cameras.size());
-  const Eigen::Vector3d shift = origin_shift(found, truth);
+  const Eigen::Vector3d shift = origin_shift(found, ground_truth);
   for (std::size_t index = 0; index < found.cameras.size(); ++index) {
     const Json& expected = camera_named(expected_cameras, found.cameras[index].name, index);
     const Camera camera = comparable(found.cameras[index], expected, found.format);
@@ -161,10 +162,11 @@ TEST_P(RealCalibrations, IsReadByContentAndAgreesWithTheTruth) {
     for (std::size_t p = 0; p < expected["projections"].size(); ++p) {
       const Json& projection = expected["projections"][p];
       if (!projection.contains("pixel") || projection["pixel"].is_null()) continue;
-      const Eigen::Vector2d pixel = camera.project(vector_of(truth["points_world_m"][p]) - shift);
+      const Eigen::Vector2d pixel = camera.project(vector_of(ground_truth["points_world_m"][p]) - shift);
       // Far outside of the image the polynomial of a lens enlarges rounding errors.
       const double scale = std::max(1.0, pixel.norm() / 1e4);
-      EXPECT_LT(pixel_distance(pixel, projection["pixel"], truth["pixel_centre"].get<std::string>()), 1e-3 * scale);
+      EXPECT_LT(pixel_distance(pixel, projection["pixel"], ground_truth["pixel_centre"].get<std::string>()),
+                1e-3 * scale);
     }
   }
 }

@@ -272,7 +272,7 @@ TEST(Vicon, TheRealPartOfTheQuaternionIsLast) {
   EXPECT_NEAR(pixel.y(), 598.75 - 1500.5 * 0.25, 1e-9);
 }
 
-TEST(Vicon, TheSenseOfTheRotationIsTheOneWithWhichAllCamerasLookAtOnePlace) {
+TEST(Vicon, TheSenseOfTheRotationIsTheOneWithWhichAllCamerasLookAtOnePoint) {
   const Calibration usual = read_text(make_vicon_calibration, vicon_rig(false));
   expect_same_poses(usual.cameras, rig());
   EXPECT_THAT(usual.notes, IsEmpty());
@@ -814,13 +814,13 @@ TEST(CommonView, IsWhereTheCamerasLook) {
   EXPECT_LT((view->point - Eigen::Vector3d(0.3, 1.0, -2.0)).norm(), 1e-9);
   EXPECT_NEAR(view->median_depth, 3.0 * std::sqrt(1.01), 1e-9);
   EXPECT_EQ(view->behind, 0);
-  EXPECT_TRUE(look_at_one_place(cameras));
-  for (Camera& camera : cameras) {  // turned away, at the same places
+  EXPECT_TRUE(look_at_one_point(cameras));
+  for (Camera& camera : cameras) {  // turned away, at the same positions
     const Eigen::Vector3d centre = camera.centre();
     camera.R = kFlip * camera.R;
     camera.t = -camera.R * centre;
   }
-  EXPECT_FALSE(look_at_one_place(cameras));
+  EXPECT_FALSE(look_at_one_point(cameras));
   EXPECT_FALSE(common_view({cameras[0]}));
   EXPECT_FALSE(common_view({cameras[0], cameras[0]}));
   cameras[1].t.x() = std::numeric_limits<double>::quiet_NaN();

@@ -95,11 +95,11 @@ inline void draw(TemplateChecker& checker, const Motion& motion, const Camera& c
 
 /// How well a mask cut out of lossy video fits: all of the person, and hardly anything beside the person. The person is
 /// 20 pixels wide, so the blur of the video beyond the dilated mask is up to 18 of 392 pixels.
-inline void expect_cut_out(const cv::Mat& found, const cv::Mat& truth) {
+inline void expect_cut_out(const cv::Mat& found, const cv::Mat& ground_truth) {
   cv::Mat near;
-  cv::dilate(truth, near, cv::Mat::ones(9, 9, CV_8U));
-  const double area = cv::countNonZero(truth);
-  EXPECT_LT(cv::countNonZero(truth & ~found), 0.005 * area);
+  cv::dilate(ground_truth, near, cv::Mat::ones(9, 9, CV_8U));
+  const double area = cv::countNonZero(ground_truth);
+  EXPECT_LT(cv::countNonZero(ground_truth & ~found), 0.005 * area);
   EXPECT_LT(cv::countNonZero(found & ~near), 0.06 * area);
 }
 

@@ -424,7 +424,7 @@ TEST(EvidenceReference, TheLayoutIsFoundByTheFiles) {
   };
   EXPECT_EQ(map_of(18), "coco18");
   EXPECT_EQ(map_of(26), "halpe26");
-  EXPECT_EQ(map_of(25), "body25") << "all points in one place do not decide it";
+  EXPECT_EQ(map_of(25), "body25") << "all points in one position do not decide it";
 }
 
 TEST(EvidenceRejects, CapturesPreparedWithoutKeypoints) {

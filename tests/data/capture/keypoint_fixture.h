@@ -23,14 +23,14 @@ inline std::vector<Marker> some_landmarks(const Character& character) {
 /// One person of BODY_25; landmark m is detected with confidence 0.9 - m / 100.
 inline std::vector<float> body25_person(const Character& character, const Camera& camera,
                                         const std::vector<double>& dofs) {
-  static const int places[] = {0, 4, 7, 8, 11, 14};
+  static const int indices[] = {0, 4, 7, 8, 11, 14};
   std::vector<float> values(75, 0.0f);
   const auto positions = landmark_positions(character.skeleton, some_landmarks(character), dofs);
   for (std::size_t m = 0; m < positions.size(); ++m) {
     const Eigen::Vector2d pixel = camera.project(positions[m]);
-    values[3 * places[m]] = static_cast<float>(pixel.x());
-    values[3 * places[m] + 1] = static_cast<float>(pixel.y());
-    values[3 * places[m] + 2] = 0.9f - 0.01f * static_cast<float>(m);
+    values[3 * indices[m]] = static_cast<float>(pixel.x());
+    values[3 * indices[m] + 1] = static_cast<float>(pixel.y());
+    values[3 * indices[m] + 2] = 0.9f - 0.01f * static_cast<float>(m);
   }
   return values;
 }

@@ -33,7 +33,7 @@ const PointLayout& layout() {
 }
 
 /// Two people stand a metre apart and sway. @param time in rows
-Vector3d place_of(int person, double time) {
+Vector3d position_of(int person, double time) {
   return {person == 0 ? -0.5 : 0.5, 0.0, 0.05 * std::sin(0.7 * time + person)};
 }
 
@@ -42,7 +42,7 @@ Person seen_person(const Camera& camera, int person, double time) {
   Person points(body.size());
   for (std::size_t k = 0; k < body.size(); ++k) {
     if (!body[k]) continue;
-    const Eigen::Vector2d pixel = camera.project(place_of(person, time) + *body[k]);
+    const Eigen::Vector2d pixel = camera.project(position_of(person, time) + *body[k]);
     points[k] = {static_cast<float>(pixel.x()), static_cast<float>(pixel.y()), 0.8f};
   }
   return points;
@@ -84,7 +84,7 @@ TEST(PeopleInCameras, ANamedPersonIsFollowedInAllCameras) {
   const PeopleInCameras seen = two_people();
   for (const int person : {0, 1}) {
     PersonChoiceOptions options;
-    options.near = place_of(person, 0.0) + Vector3d(0.05, 0.9, 0.0);
+    options.near = position_of(person, 0.0) + Vector3d(0.05, 0.9, 0.0);
     expect_person(seen, follow_if_several(seen, layout(), options, {}), person);
   }
 }
@@ -159,13 +159,13 @@ TEST(PersonTracks, AreTheChosenPersonsPointsInFramesOfEachVideo) {
     EXPECT_EQ(track.offset, c == 1 ? 2.0 : 0.0);
     ASSERT_EQ(track.num_frames(), c == 1 ? 14 : 12);
     for (long frame = 0; frame < track.num_frames(); ++frame) {
-      const Person truth = seen_person(cameras[c], 1, TwoPeopleOnDisk::row_of(c, frame));
+      const Person ground_truth = seen_person(cameras[c], 1, TwoPeopleOnDisk::row_of(c, frame));
       const bool used = c != 1 || frame >= 2;
       for (int k = 0; k < track.num_points(); ++k) {
         const TrackPoint& point = track.at(frame, k);
-        EXPECT_EQ(point.seen(), used && truth[k].confidence > 0.0f);
+        EXPECT_EQ(point.seen(), used && ground_truth[k].confidence > 0.0f);
         if (!point.seen()) continue;
-        EXPECT_EQ(point.pixel, Eigen::Vector2d(truth[k].x, truth[k].y));
+        EXPECT_EQ(point.pixel, Eigen::Vector2d(ground_truth[k].x, ground_truth[k].y));
       }
     }
   }

@@ -53,13 +53,14 @@ TEST_F(RealData, ChromaKeyComesNearTheTrueMasks) {
       open_frames((capture_folder() / "training/foregroundSegmentation/stream003.mkv").string(), PixelFormat::grey);
   const cv::Mat background = cv::imread((capture_folder() / "background/003.png").string());
   for (const long frame : {0L, 40L}) {
-    const cv::Mat image = videos->read(frame), truth = threshold_mask(masks->read(frame), 128);
+    const cv::Mat image = videos->read(frame), ground_truth = threshold_mask(masks->read(frame), 128);
     for (const auto space : {ChromaKey::Space::hsv, ChromaKey::Space::ycrcb}) {
       ChromaKey key;
       key.space = space;
       key.against_background = true;
       const cv::Mat mask = largest_component(chroma_key_mask(image, key, background));
-      const double iou = static_cast<double>(cv::countNonZero(mask & truth)) / cv::countNonZero(mask | truth);
+      const double iou =
+          static_cast<double>(cv::countNonZero(mask & ground_truth)) / cv::countNonZero(mask | ground_truth);
       EXPECT_GT(iou, 0.9) << static_cast<int>(space) << " " << frame;
     }
   }

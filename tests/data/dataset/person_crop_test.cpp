@@ -67,9 +67,9 @@ TEST(PersonImages, AreBlackAroundThePersonAndNormalised) {
   const auto red = result[0] - kBlack[0], green = result[1] - kBlack[1];
   EXPECT_LT((green - red * (60.0f / 180.0f) * (0.229f / 0.224f)).abs().max().item<float>(), 0.03f);
   // Nothing is shifted by a part of a pixel.
-  const auto places = torch::arange(40).to(torch::kFloat32) + 0.5f;
+  const auto positions = torch::arange(40).to(torch::kFloat32) + 0.5f;
   for (const int along : {0, 1})
-    EXPECT_NEAR((red.sum(1 - along) * places).sum().item<float>() / red.sum().item<float>(), 20.0f, 0.03f);
+    EXPECT_NEAR((red.sum(1 - along) * positions).sum().item<float>() / red.sum().item<float>(), 20.0f, 0.03f);
 }
 
 TEST(PersonImages, PartsOfAImageSeeTheSame) {

@@ -223,7 +223,7 @@ TEST(PrepareWithoutMotion, RowsAreTheFramesThatAllCamerasHave) {
   EXPECT_THAT(prepare_error(fixture), HasSubstr("cut"));
 }
 
-// One camera, the person enters after some frames of the empty scene: what adapting to a new place starts from.
+// One camera, the person enters after some frames of the empty scene: what adapting to a new studio starts from.
 TEST(PrepareWithoutMotion, OneCameraWithItsOwnEmptyFrames) {
   const CaptureFixture fixture;
   TemplateChecker checker(fixture.character);

@@ -225,10 +225,10 @@ TEST(DrawPersonMask, AgreesWithADirectEvaluation) {
   };
   for (int row = 0; row < mask.rows; ++row)
     for (int column = 0; column < mask.cols; ++column) {
-      const Vector2d place = roi.roi_from_image({column + 0.5, row + 0.5}) * 256 - Vector2d(0.5, 0.5);
-      const bool inside = (place.array() >= -0.5).all() && (place.array() <= 255.5).all();
-      const int x = static_cast<int>(std::floor(place.x())), y = static_cast<int>(std::floor(place.y()));
-      const double a = place.x() - x, b = place.y() - y;
+      const Vector2d position = roi.roi_from_image({column + 0.5, row + 0.5}) * 256 - Vector2d(0.5, 0.5);
+      const bool inside = (position.array() >= -0.5).all() && (position.array() <= 255.5).all();
+      const int x = static_cast<int>(std::floor(position.x())), y = static_cast<int>(std::floor(position.y()));
+      const double a = position.x() - x, b = position.y() - y;
       const double expected = inside ? (1 - b) * ((1 - a) * value(y, x) + a * value(y, x + 1)) +
                                            b * ((1 - a) * value(y + 1, x) + a * value(y + 1, x + 1))
                                      : 0;
@@ -261,7 +261,7 @@ TEST(SampleRoi, IsBilinearAndRepeatsTheBorder) {
   std::vector<float> input(4 * 4 * 3);
   // Four pixels of two image pixels each, from -2 to 6: samples at -1, 1, 3, 5.
   sample_roi(ramp(4, 4), {{2, 2}, 8, 0}, 4, input);
-  const float expected[] = {0, 5, 25, 30};  // 10 * (place - 0.5), clamped to the last pixel's centre
+  const float expected[] = {0, 5, 25, 30};  // 10 * (position - 0.5), clamped to the last pixel's centre
   for (int column = 0; column < 4; ++column)
     EXPECT_NEAR(input[std::size_t(3 * column + 2)], expected[column] / 255, 1e-6);
 }

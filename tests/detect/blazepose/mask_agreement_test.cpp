@@ -59,20 +59,20 @@ std::vector<cv::Mat> sphere_masks(const std::vector<Camera>& views) {
 
 TEST(MaskAgreement, AFalseBlobOfOneCameraIsRemovedAndTheSphereStays) {
   const std::vector<Camera> views = cameras(6);
-  const std::vector<cv::Mat> truth = sphere_masks(views);
+  const std::vector<cv::Mat> ground_truth = sphere_masks(views);
   std::vector<cv::Mat> masks;
-  for (const cv::Mat& mask : truth) masks.push_back(mask.clone());
+  for (const cv::Mat& mask : ground_truth) masks.push_back(mask.clone());
   cv::circle(masks[2], {20, 130}, 9, 255, -1);
-  const long blob = cv::countNonZero(masks[2]) - cv::countNonZero(truth[2]);
+  const long blob = cv::countNonZero(masks[2]) - cv::countNonZero(ground_truth[2]);
   EXPECT_EQ(drop_contradicted_pixels(masks, views), blob);
-  for (std::size_t i = 0; i < masks.size(); ++i) EXPECT_EQ(cv::countNonZero(masks[i] != truth[i]), 0) << i;
+  for (std::size_t i = 0; i < masks.size(); ++i) EXPECT_EQ(cv::countNonZero(masks[i] != ground_truth[i]), 0) << i;
 }
 
 TEST(MaskAgreement, OneCameraThatMissesAPartDoesNotSpoilTheOthers) {
   const std::vector<Camera> views = cameras(6);
-  const std::vector<cv::Mat> truth = sphere_masks(views);
+  const std::vector<cv::Mat> ground_truth = sphere_masks(views);
   std::vector<cv::Mat> masks;
-  for (const cv::Mat& mask : truth) masks.push_back(mask.clone());
+  for (const cv::Mat& mask : ground_truth) masks.push_back(mask.clone());
   masks[0].rowRange(0, kPixels / 2).setTo(0);
   EXPECT_EQ(drop_contradicted_pixels(masks, views), 0);
   EXPECT_GT(drop_contradicted_pixels(masks, views, {.share = 1}), 0);

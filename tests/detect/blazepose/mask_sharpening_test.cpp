@@ -68,7 +68,7 @@ cv::Mat network_mask(const cv::Mat& person) {
 }
 
 struct Clip {
-  std::vector<cv::Mat> images, masks, truth;
+  std::vector<cv::Mat> images, masks, ground_truth;
 };
 
 /// A person who walks from left to right.
@@ -79,7 +79,7 @@ Clip walk(int frames, int step) {
     const cv::Mat person = coverage(at);
     clip.images.push_back(filmed(person, at, 100 + static_cast<std::uint64_t>(i)));
     clip.masks.push_back(network_mask(person));
-    clip.truth.push_back(person > 0.5);
+    clip.ground_truth.push_back(person > 0.5);
   }
   return clip;
 }
@@ -95,14 +95,14 @@ TEST(MaskSharpening, MasksAreExactOverALearntBackground) {
             0.9);  // the shadow moves with the person, so that samples near the floor disagree
   for (const std::size_t i : {1, 6, 11}) {
     const cv::Mat mask = sharpen_mask(clip.images[i], clip.masks[i], background);
-    EXPECT_LT(overlap(clip.masks[i] >= 128, clip.truth[i]), 0.95);  // otherwise nothing is tested
-    EXPECT_GT(overlap(mask, clip.truth[i]), 0.985) << i;
+    EXPECT_LT(overlap(clip.masks[i] >= 128, clip.ground_truth[i]), 0.95);  // otherwise nothing is tested
+    EXPECT_GT(overlap(mask, clip.ground_truth[i]), 0.985) << i;
   }
 }
 
 TEST(MaskSharpening, MasksGainWithoutABackground) {
   const Clip clip = walk(1, 0);
-  EXPECT_GT(overlap(sharpen_mask(clip.images[0], clip.masks[0]), clip.truth[0]), 0.97);
+  EXPECT_GT(overlap(sharpen_mask(clip.images[0], clip.masks[0]), clip.ground_truth[0]), 0.97);
 }
 
 TEST(MaskSharpening, TheSameInputGivesTheSameMask) {
@@ -152,7 +152,7 @@ TEST(StaticBackground, OneFrameTeachesNothing) {
 TEST(StaticBackground, PixelsBehindAStandingPersonStayUnknown) {
   const Clip clip = walk(8, 0);
   const StaticBackground background = learn_background(clip.images, clip.masks);
-  EXPECT_EQ(cv::countNonZero(background.known & clip.truth[0]), 0);
+  EXPECT_EQ(cv::countNonZero(background.known & clip.ground_truth[0]), 0);
   EXPECT_GT(background.known_share(), 0.6);
 }
 

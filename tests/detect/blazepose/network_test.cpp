@@ -69,7 +69,7 @@ struct Image {
 struct WindowCase {
   int height, width, kernel_height, kernel_width, stride_y, stride_x;
   bool same;
-  int before_y, before_x;  ///< zeros above and to the left, as TensorFlow places them
+  int before_y, before_x;  ///< zeros above and to the left, as TensorFlow puts them
 };
 // 3x3 with stride 2 on an even size: no zero before, one after; on an odd size one on both sides.
 // The first and the last have windows of one pixel, which pooling refuses.
@@ -86,7 +86,7 @@ class NetworkWindows : public ::testing::TestWithParam<WindowCase> {
  protected:
   int rows() const { return windows(p_.height, p_.kernel_height, p_.stride_y, p_.same); }
   int columns() const { return windows(p_.width, p_.kernel_width, p_.stride_x, p_.same); }
-  /// Calls `term` with each element of the window of an output: its place in the kernel and in the input.
+  /// Calls `term` with each element of the window of an output: its position in the kernel and in the input.
   void each(int y, int x, const std::function<void(int ky, int kx, int iy, int ix)>& term) const {
     for (int ky = 0; ky < p_.kernel_height; ++ky)
       for (int kx = 0; kx < p_.kernel_width; ++kx)

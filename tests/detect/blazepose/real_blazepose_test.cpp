@@ -183,7 +183,7 @@ struct PoseDifferences {
   }
 };
 
-/// Poses of all pictures and networks. `with_roi`: in the oracle's region, otherwise the whole chain.
+/// Poses of all images and networks. `with_roi`: in the oracle's region, otherwise the whole chain.
 class RealBlazePoseChain : public RealBlazePose {
  protected:
   PoseDifferences compare(bool with_roi) const {
@@ -299,7 +299,7 @@ TEST_F(RealBlazePoseChain, MasksAreMadeOnlyWhenAskedFor) {
   EXPECT_TRUE(pose->mask.empty());
 }
 
-/// The picture with two people: each can be followed.
+/// The image with two people: each can be followed.
 class RealBlazePoseTracker : public RealBlazePose {
  protected:
   cv::Mat pair() const { return cv::imread((folder() / "pictures" / "realx_pair_a.png").string()); }

@@ -51,21 +51,21 @@ class RealMasks : public support::BlazePoseTest {
 };
 
 /// The bound is the goal for this studio. The network alone has 0.973.
-TEST_F(RealMasks, MasksOfTheStudioAgreeWithTheTruth) {
+TEST_F(RealMasks, MasksOfTheStudioAgreeWithTheGroundTruth) {
   double sharp = 0, raw = 0;
   for (int camera = 0; camera < kCameras; ++camera) {
     const auto training = capture_folder() / "training";
     const std::vector<cv::Mat> images = read_video(training / fmt::format("videos/stream{:03}.mp4", camera));
-    const std::vector<cv::Mat> truth =
+    const std::vector<cv::Mat> ground_truth =
         read_video(training / fmt::format("foregroundSegmentation/stream{:03}.mkv", camera));
-    ASSERT_EQ(images.size(), truth.size());
+    ASSERT_EQ(images.size(), ground_truth.size());
     ASSERT_FALSE(images.empty());
     const StaticBackground background = learn(images, 0);
     for (int i = 0; i < kSamples; ++i) {
       const std::size_t frame = images.size() * static_cast<std::size_t>(2 * i + 1) / (2 * kSamples);
       const cv::Mat mask = network_mask(images[frame]);
       cv::Mat expected;
-      cv::extractChannel(truth[frame], expected, 0);
+      cv::extractChannel(ground_truth[frame], expected, 0);
       expected = expected >= 128;
       sharp += overlap(sharpen_mask(images[frame], mask, background), expected) / (kCameras * kSamples);
       raw += overlap(mask >= 128, expected) / (kCameras * kSamples);

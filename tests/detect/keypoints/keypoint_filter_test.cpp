@@ -39,16 +39,16 @@ TEST(KeypointFiltering, IsOffByDefault) {
 
 TEST(KeypointFiltering, DropsWhatLiesFarFromItsNeighbours) {
   Frames frames = swinging(40);
-  const Frames truth = frames;
+  const Frames ground_truth = frames;
   frames[12][0].x += 60;
   frames[30][1].y -= 45;
   filter_keypoints(frames, {}, filter_of(3, 0.0), 512);
-  // Bridged: near the truth again, and half as sure.
-  EXPECT_NEAR(frames[12][0].x, truth[12][0].x, 1.0);
+  // Bridged: near the ground truth again, and half as sure.
+  EXPECT_NEAR(frames[12][0].x, ground_truth[12][0].x, 1.0);
   EXPECT_FLOAT_EQ(frames[12][0].confidence, 0.4f);
   EXPECT_FLOAT_EQ(frames[30][1].y, 60.0f);
   EXPECT_FLOAT_EQ(frames[30][1].confidence, 0.3f);
-  for (int f = 0; f < 40; ++f) EXPECT_TRUE(f == 12 || same(frames[f][0], truth[f][0])) << f;
+  for (int f = 0; f < 40; ++f) EXPECT_TRUE(f == 12 || same(frames[f][0], ground_truth[f][0])) << f;
 }
 
 TEST(KeypointFiltering, BridgesShortGapsOnly) {
@@ -84,12 +84,12 @@ TEST(KeypointFiltering, NeverReachesOverACut) {
 TEST(KeypointFiltering, SmoothsNoiseByConfidence) {
   const auto noise = [](int f) { return 3.0f * std::sin(12.9898f * static_cast<float>(f * f)); };
   Frames frames = swinging(60);
-  const Frames truth = frames;
+  const Frames ground_truth = frames;
   for (int f = 0; f < 60; ++f) frames[f][0].x += noise(f);
   double before = 0.0, after = 0.0;
-  for (int f = 0; f < 60; ++f) before += std::pow(frames[f][0].x - truth[f][0].x, 2);
+  for (int f = 0; f < 60; ++f) before += std::pow(frames[f][0].x - ground_truth[f][0].x, 2);
   filter_keypoints(frames, {}, filter_of(3), 512);
-  for (int f = 0; f < 60; ++f) after += std::pow(frames[f][0].x - truth[f][0].x, 2);
+  for (int f = 0; f < 60; ++f) after += std::pow(frames[f][0].x - ground_truth[f][0].x, 2);
   EXPECT_LT(after, 0.6 * before);
   // An unsure neighbour hardly pulls.
   Frames pulled(5, {{10, 0, 1}});

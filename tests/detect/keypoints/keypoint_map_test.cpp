@@ -58,30 +58,30 @@ TEST(KeypointMaps, BuiltInOnesKnowTheLandmarksOfBody25InAnySpelling) {
   }
 }
 
-/// The places of some landmarks, as the makers of the layouts document them.
-TEST(KeypointMaps, BuiltInOnesPutLandmarksInTheirPlaces) {
-  const auto places = [](const char* map, const char* landmark) {
+/// The positions of some landmarks, as the makers of the layouts document them.
+TEST(KeypointMaps, BuiltInOnesPutLandmarksInTheirPositions) {
+  const auto indices = [](const char* map, const char* landmark) {
     return read_keypoint_map(map).find(landmark)->points;
   };
   const std::map<std::string, int> right_wrist{
       {"body25", 4},    {"body25b", 10},      {"coco17", 10},      {"coco18", 4},  {"halpe26", 10},
       {"halpe136", 10}, {"wholebody133", 10}, {"mediapipe33", 16}, {"h36m17", 16}, {"mhr70", 41}};
-  for (const auto& [map, place] : right_wrist) EXPECT_THAT(places(map.c_str(), "RWrist"), ElementsAre(place)) << map;
+  for (const auto& [map, index] : right_wrist) EXPECT_THAT(indices(map.c_str(), "RWrist"), ElementsAre(index)) << map;
   const std::map<std::string, int> left_ankle{
       {"body25", 14},   {"body25b", 15},      {"coco17", 15},      {"coco18", 13}, {"halpe26", 15},
       {"halpe136", 15}, {"wholebody133", 15}, {"mediapipe33", 27}, {"h36m17", 6},  {"mhr70", 13}};
-  for (const auto& [map, place] : left_ankle) EXPECT_THAT(places(map.c_str(), "LAnkle"), ElementsAre(place)) << map;
-  EXPECT_THAT(places("halpe26", "MidHip"), ElementsAre(19));
-  EXPECT_THAT(places("h36m17", "MidHip"), ElementsAre(0));
-  EXPECT_THAT(places("mediapipe33", "MidHip"), ElementsAre(23, 24));
-  EXPECT_THAT(places("halpe26", "RBigToe"), ElementsAre(21));
-  EXPECT_THAT(places("wholebody133", "RBigToe"), ElementsAre(20));
-  EXPECT_THAT(places("mediapipe33", "RBigToe"), ElementsAre(32));
-  EXPECT_THAT(places("mhr70", "LHeel"), ElementsAre(17));
-  EXPECT_THAT(places("mhr70", "right_thumb1"), ElementsAre(24)) << "the third joint from the tip";
-  EXPECT_THAT(places("wholebody133", "right_thumb4"), ElementsAre(116));
-  EXPECT_THAT(places("coco17", "RHeel"), ElementsAre());
-  EXPECT_THAT(places("body25b", "HeadTop"), ElementsAre(18));
+  for (const auto& [map, index] : left_ankle) EXPECT_THAT(indices(map.c_str(), "LAnkle"), ElementsAre(index)) << map;
+  EXPECT_THAT(indices("halpe26", "MidHip"), ElementsAre(19));
+  EXPECT_THAT(indices("h36m17", "MidHip"), ElementsAre(0));
+  EXPECT_THAT(indices("mediapipe33", "MidHip"), ElementsAre(23, 24));
+  EXPECT_THAT(indices("halpe26", "RBigToe"), ElementsAre(21));
+  EXPECT_THAT(indices("wholebody133", "RBigToe"), ElementsAre(20));
+  EXPECT_THAT(indices("mediapipe33", "RBigToe"), ElementsAre(32));
+  EXPECT_THAT(indices("mhr70", "LHeel"), ElementsAre(17));
+  EXPECT_THAT(indices("mhr70", "right_thumb1"), ElementsAre(24)) << "the third joint from the tip";
+  EXPECT_THAT(indices("wholebody133", "right_thumb4"), ElementsAre(116));
+  EXPECT_THAT(indices("coco17", "RHeel"), ElementsAre());
+  EXPECT_THAT(indices("body25b", "HeadTop"), ElementsAre(18));
 }
 
 TEST(KeypointMaps, EveryPointOfALayoutIsUsed) {

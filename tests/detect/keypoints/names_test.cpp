@@ -55,10 +55,10 @@ TEST(LandmarkKey, NamesAsWrittenComeFirst) {
 }
 
 TEST(LandmarkKey, FindsTheOtherSide) {
-  EXPECT_THAT(mirrored_places({"nose", "LEye", "right_ear", "REye", "left_hand", "left_ear"}),
+  EXPECT_THAT(mirrored_indices({"nose", "LEye", "right_ear", "REye", "left_hand", "left_ear"}),
               ElementsAre(0, 3, 5, 1, 4, 2));
   for (const PointLayout& layout : builtin_layouts()) {
-    const std::vector<int> mirrored = mirrored_places(layout.points);
+    const std::vector<int> mirrored = mirrored_indices(layout.points);
     for (std::size_t i = 0; i < mirrored.size(); ++i) {
       EXPECT_EQ(mirrored.at(static_cast<std::size_t>(mirrored[i])), static_cast<int>(i)) << layout.name;
       const std::string key = landmark_key(layout.points[i]);

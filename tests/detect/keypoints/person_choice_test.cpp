@@ -61,9 +61,9 @@ class Scene {
     for (std::size_t f = 0; f < frames_.size(); ++f)
       for (std::size_t c = 0; c < cameras_.size(); ++c) {
         if (static_cast<int>(c) == except_camera) continue;
-        const int found = choice.chosen.at(f).at(c), truth = index_[f][actor][c];
-        faults.wrong += found >= 0 && found != truth;
-        faults.missed += truth >= 0 && found != truth;
+        const int found = choice.chosen.at(f).at(c), ground_truth = index_[f][actor][c];
+        faults.wrong += found >= 0 && found != ground_truth;
+        faults.missed += ground_truth >= 0 && found != ground_truth;
       }
     return faults;
   }
@@ -74,7 +74,7 @@ class Scene {
   Person detected(const Camera& camera, const Vector3d& position, double heading, bool swapped) {
     const Eigen::AngleAxisd turn(heading, Vector3d::UnitY());
     const auto body = test_keypoints::standing_body(layout_);
-    const std::vector<int> mirrored = mirrored_places(layout_.points);
+    const std::vector<int> mirrored = mirrored_indices(layout_.points);
     Person person(body.size());
     std::normal_distribution<double> noise(0.0, 2.0);
     for (std::size_t i = 0; i < body.size(); ++i) {

@@ -337,7 +337,7 @@ TEST_F(KeypointFiles, OfMediaPipeHaveOneRowPerFrame) {
 }
 
 TEST_F(KeypointFiles, OfFreeMoCapHoldAllCameras) {
-  // [cameras, frames, points, 2]: the number is its own place, and one point is missing.
+  // [cameras, frames, points, 2]: the number is its own position, and one point is missing.
   std::vector<double> numbers(2 * 3 * 40 * 2);
   for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = static_cast<double>(i);
   numbers[(1 * 3 + 2) * 80 + 2] = std::nan("");

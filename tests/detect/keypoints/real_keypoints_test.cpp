@@ -28,7 +28,7 @@ using ::testing::HasSubstr;
 class RealKeypoints : public support::SharedFolderTest {
  protected:
   fs::path sample(const std::string& name) const { return shared_ / "formats" / "keypoints" / name; }
-  Json truth(const std::string& name, const std::string& file = "truth.json") const {
+  Json ground_truth(const std::string& name, const std::string& file = "truth.json") const {
     std::ifstream stream(sample(name) / file);
     return Json::parse(stream);
   }
@@ -68,7 +68,7 @@ class RealKeypoints : public support::SharedFolderTest {
       }
     return all;
   }
-  /// Truth that lists the images or people of one file in its order. @return how many people were compared
+  /// Ground truth that lists the images or people of one file in its order. @return how many people were compared
   static std::size_t expect_in_order(const std::vector<Person>& people, const Json& expected, double third) {
     std::size_t i = 0;
     for (const Json& frame : expected["frames"])
@@ -81,7 +81,7 @@ class RealKeypoints : public support::SharedFolderTest {
 };
 
 TEST_F(RealKeypoints, OfOpenPose12) {
-  const Json expected = truth("openpose_body25")["frames"][0];
+  const Json expected = ground_truth("openpose_body25")["frames"][0];
   const fs::path file = sample("openpose_body25") / expected["file"].get<std::string>();
   const People people = read_people(file, layout("body25"));
   ASSERT_EQ(people.size(), 1u);
@@ -92,7 +92,7 @@ TEST_F(RealKeypoints, OfOpenPose12) {
 TEST_F(RealKeypoints, OfOpenPoseWithFaceAndHands) {
   PointLayout whole = layout("body25");
   for (int i = 0; i < 112; ++i) whole.points.push_back("more" + std::to_string(i));
-  const Json expected = truth("openpose_body25_face_hands");
+  const Json expected = ground_truth("openpose_body25_face_hands");
   const KeypointSource source(sample("openpose_body25_face_hands").string() + "/video_{frame:012}_keypoints.json",
                               whole, {});
   ASSERT_EQ(expected["frames"].size(), 3u);
@@ -112,7 +112,7 @@ TEST_F(RealKeypoints, OfOpenPoseWithFaceAndHands) {
 }
 
 TEST_F(RealKeypoints, OfOpenPoseFromFourCameras) {
-  const Json expected = truth("openpose_body25b_4cams");
+  const Json expected = ground_truth("openpose_body25b_4cams");
   ASSERT_EQ(expected["frames"].size(), 24u);
   for (const Json& frame : expected["frames"]) {
     const fs::path file = sample("openpose_body25b_4cams") / frame["file"].get<std::string>();
@@ -140,7 +140,7 @@ TEST_F(RealKeypoints, OfOpenPoseWithNobody) {
 
 TEST_F(RealKeypoints, OfAlphaPose) {
   for (const auto& [name, map] : {std::pair{"alphapose_coco17", "coco17"}, std::pair{"alphapose_halpe26", "halpe26"}}) {
-    const Json expected = truth(name);
+    const Json expected = ground_truth(name);
     const fs::path file = sample(name) / "alphapose-results.json";
     const Detections found = read_detections(file);
     EXPECT_EQ(found.format, "alphapose");
@@ -161,7 +161,7 @@ TEST_F(RealKeypoints, OfAlphaPose) {
 
 TEST_F(RealKeypoints, OfCocoResults) {
   const fs::path file = sample("coco_results") / "person_keypoints_val2014_fakekeypoints100_results.json";
-  const Json expected = truth("coco_results");
+  const Json expected = ground_truth("coco_results");
   EXPECT_EQ(expect_in_order(everybody(file, layout("coco17")), expected, 0.5), expected["frames"].size());
   const auto frames = read_all_people(file, layout("coco17"));
   EXPECT_EQ(frames.at(136).size(), 2u);
@@ -173,7 +173,7 @@ TEST_F(RealKeypoints, OfCocoAnnotations) {
       {"coco_wholebody_annotations", "test_coco_wholebody.json", "wholebody133"},
       {"halpe136_annotations", "test_halpe.json", "halpe136"}};
   for (const auto& [name, file, map] : files) {
-    const Json expected = truth(name);
+    const Json expected = ground_truth(name);
     const std::vector<Person> people = everybody(sample(name) / file, layout(map));
     EXPECT_EQ(expect_in_order(people, expected, 0.5), expected["frames"].size()) << name;
     const auto frames = read_all_people(sample(name) / file, layout(map));
@@ -190,7 +190,7 @@ TEST_F(RealKeypoints, OfCocoAnnotations) {
 
 TEST_F(RealKeypoints, OfMmposeVideosAndDemoScripts) {
   const fs::path file = sample("mmpose_inferencer_wholebody133") / "SOUP.json";
-  const Json expected = truth("mmpose_inferencer_wholebody133");
+  const Json expected = ground_truth("mmpose_inferencer_wholebody133");
   const auto video = read_all_people(file, layout("wholebody133"));
   ASSERT_EQ(video.size(), expected["frames"].size());
   for (const Json& frame : expected["frames"]) {
@@ -214,7 +214,7 @@ TEST_F(RealKeypoints, OfALifterArePointsInSpace) {
   const fs::path file = sample("mmpose_inferencer_image") / "img_002.json";
   EXPECT_THAT(support::message_of<FileError>([&] { read_people(file, layout("h36m17")); }), HasSubstr("3D lifter"));
   const SpacePoints points = read_space_points(file);
-  const Json expected = truth("mmpose_inferencer_image")["frames"][0]["persons"][0];
+  const Json expected = ground_truth("mmpose_inferencer_image")["frames"][0]["persons"][0];
   ASSERT_EQ(points.names.size(), expected["points"].get<std::size_t>());
   for (const auto& [name, numbers] : expected["selected"].items())
     for (int i = 0; i < 3; ++i)
@@ -223,7 +223,7 @@ TEST_F(RealKeypoints, OfALifterArePointsInSpace) {
 }
 
 TEST_F(RealKeypoints, OfDeepLabCut) {
-  const Json expected = truth("deeplabcut_collected");
+  const Json expected = ground_truth("deeplabcut_collected");
   const PointLayout mouse{"mouse", expected["bodyparts"].get<std::vector<std::string>>()};
   const auto frames = read_all_people(sample("deeplabcut_collected") / "CollectedData_Pranav.csv", mouse);
   EXPECT_EQ(frames.size(), expected["frames"].get<std::size_t>());
@@ -237,7 +237,7 @@ TEST_F(RealKeypoints, OfMediaPipe) {
   const fs::path file = sample("mediapipe_csv_wide") / "pose_landmarks.csv";
   const auto frames = read_all_people(file, layout("mediapipe33"), {"c", 0, 1920, 1080});
   EXPECT_EQ(frames.size(), 12u);
-  const Json expected = truth("mediapipe_csv_wide");
+  const Json expected = ground_truth("mediapipe_csv_wide");
   for (const Json& frame : expected["frames"])
     expect_person(frames.at(frame["frame"].get<long>())[0], frame["persons"][0], 1.0, 1920, 1080);
   EXPECT_EQ(read_detections(file).unit, PointUnit::fractions);
@@ -245,7 +245,7 @@ TEST_F(RealKeypoints, OfMediaPipe) {
 }
 
 TEST_F(RealKeypoints, InSpaceOfTrcAndCaliscope) {
-  const Json trc = truth("openpose_body25b_4cams", "truth_trc.json");
+  const Json trc = ground_truth("openpose_body25b_4cams", "truth_trc.json");
   const SpacePoints points =
       read_space_points(sample("openpose_body25b_4cams") / "pose-3d" / "S00_P00_T01_BalancingTrial_0-100.trc");
   EXPECT_EQ(points.unit, trc["unit_in_file"].get<std::string>());
@@ -257,7 +257,7 @@ TEST_F(RealKeypoints, InSpaceOfTrcAndCaliscope) {
     const auto& point = row->second.at(static_cast<std::size_t>(name - points.names.begin()));
     for (int i = 0; i < 3; ++i) EXPECT_NEAR((*point)[i], numbers[static_cast<std::size_t>(i)].get<double>(), 1e-12);
   }
-  const Json expected = truth("caliscope_xyz_holistic");
+  const Json expected = ground_truth("caliscope_xyz_holistic");
   const SpacePoints xyz = read_space_points(sample("caliscope_xyz_holistic") / "xyz_SIMPLE_HOLISTIC.csv");
   EXPECT_EQ(xyz.unit, expected["unit"].get<std::string>());
   ASSERT_EQ(xyz.names.size(), expected["point_ids"].size());
@@ -298,10 +298,10 @@ class RealPersonChoice : public support::SharedFolderTest {
     std::vector<double> distances;
     const auto& points = std::next(reference_.frames.begin(), frame)->second;
     for (std::size_t i = 0; i < points.size(); ++i) {
-      const std::optional<int> place = layout_.find(reference_.names[i]);
-      if (!points[i] || !place || person[static_cast<std::size_t>(*place)].confidence <= 0.0f) continue;
+      const std::optional<int> index = layout_.find(reference_.names[i]);
+      if (!points[i] || !index || person[static_cast<std::size_t>(*index)].confidence <= 0.0f) continue;
       const Eigen::Vector3d world(points[i]->z(), points[i]->x(), points[i]->y());
-      const Keypoint& point = person[static_cast<std::size_t>(*place)];
+      const Keypoint& point = person[static_cast<std::size_t>(*index)];
       distances.push_back((cameras_[camera].project(world) - Eigen::Vector2d(point.x, point.y)).norm());
     }
     if (distances.empty()) return HUGE_VAL;
@@ -342,7 +342,7 @@ TEST_F(RealPersonChoice, IsTheManInEveryFrameAndCamera) {
 }
 
 TEST_F(RealPersonChoice, StaysTheManWhenASwappedViewAndAWrongCameraAreThere) {
-  const std::vector<int> mirrored = mirrored_places(layout_.points);
+  const std::vector<int> mirrored = mirrored_indices(layout_.points);
   for (std::size_t f = 20; f < 40; ++f)
     for (Person& person : frames_[f][2]) {
       const Person before = person;

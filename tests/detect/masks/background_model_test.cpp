@@ -27,7 +27,7 @@ cv::Rect head(int at) { return {at + 12, 60, 26, 34}; }
 cv::Rect body(int at) { return {at, 94, 50, 86}; }
 cv::Rect legs(int at) { return {at + 6, 180, 38, 100}; }
 
-cv::Mat truth(int at) {
+cv::Mat ground_truth(int at) {
   cv::Mat mask = cv::Mat::zeros(kHeight, kWidth, CV_8U);
   for (const cv::Rect& part : {head(at), body(at), legs(at)}) cv::rectangle(mask, part, 255, -1);
   return mask;
@@ -74,7 +74,8 @@ class BackgroundSubtraction : public ::testing::TestWithParam<bool> {};
 TEST_P(BackgroundSubtraction, CutsThePersonOut) {
   for (const int images : {1, 5, 60}) {
     BackgroundModel model = model_of(GetParam(), images);
-    for (const int at : {5, 90, 180}) EXPECT_GT(overlap(model.mask(with_person(at, 7)), truth(at)), 0.97) << images;
+    for (const int at : {5, 90, 180})
+      EXPECT_GT(overlap(model.mask(with_person(at, 7)), ground_truth(at)), 0.97) << images;
     EXPECT_EQ(cv::countNonZero(model.mask(filmed(scenery(), 8))), 0) << "nobody is there";
   }
 }
@@ -87,13 +88,13 @@ TEST_P(BackgroundSubtraction, TakesAShadowForBackground) {
   dark.copyTo(scene, where);
   draw_person(scene, 80);
   BackgroundModel model = model_of(GetParam());
-  EXPECT_GT(overlap(model.mask(filmed(scene, 7)), truth(80)), 0.96);
+  EXPECT_GT(overlap(model.mask(filmed(scene, 7)), ground_truth(80)), 0.96);
   BackgroundOptions taken;
   taken.refine = false;
   taken.shadow = 1.0;
   BackgroundModel other(taken);
   for (int i = 0; i < 20; ++i) other.learn(filmed(scenery(), 100 + i));
-  EXPECT_LT(overlap(other.mask(filmed(scene, 7)), truth(80)), 0.92) << "the shadow of the test is none";
+  EXPECT_LT(overlap(other.mask(filmed(scene, 7)), ground_truth(80)), 0.92) << "the shadow of the test is none";
 }
 
 // A stripe and a button have the colour of the wall behind them: the person is not cut in two, and has no hole.
@@ -104,7 +105,7 @@ TEST_P(BackgroundSubtraction, KeepsWhatHasTheColourOfTheBackground) {
   for (const cv::Rect& part : {stripe, button}) scenery()(part).copyTo(scene(part));
   BackgroundModel model = model_of(GetParam());
   const cv::Mat mask = model.mask(filmed(scene, 7));
-  EXPECT_GT(overlap(mask, truth(90)), 0.97);
+  EXPECT_GT(overlap(mask, ground_truth(90)), 0.97);
   for (const cv::Rect& part : {stripe, button}) EXPECT_LT(cv::countNonZero(~mask(part)), 0.15 * part.area());
 }
 
@@ -122,10 +123,12 @@ TEST_P(BackgroundSubtraction, FollowsASlowChangeOfTheLight) {
   for (int frame = 0; frame <= 10; ++frame) {
     const double k = frame / 10.0;  // darker and warmer, as when a cloud passes
     const cv::Scalar exposure(1.0 - 0.2 * k, 1.0 - 0.14 * k, 1.0 - 0.08 * k);
-    EXPECT_GT(overlap(model.mask(with_person(60 + 8 * frame, 30 + frame, exposure)), truth(60 + 8 * frame)), 0.96) << k;
+    EXPECT_GT(overlap(model.mask(with_person(60 + 8 * frame, 30 + frame, exposure)), ground_truth(60 + 8 * frame)),
+              0.96)
+        << k;
     EXPECT_EQ(cv::countNonZero(model.mask(filmed(scenery(), 50 + frame, exposure))), 0) << k;
   }
-  EXPECT_GT(overlap(model.mask(with_person(60, 3, cv::Scalar::all(1.12))), truth(60)), 0.96) << "brighter";
+  EXPECT_GT(overlap(model.mask(with_person(60, 3, cv::Scalar::all(1.12))), ground_truth(60)), 0.96) << "brighter";
 }
 
 // More than half of the image is covered, and the exposure changed.

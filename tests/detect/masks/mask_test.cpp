@@ -48,7 +48,7 @@ TEST(CropReference, ProjectingIntoTheCropEqualsMappingThePixel) {
   }
 }
 
-// An edge that lies between two pixels of the image must lie at the mapped place of the crop, whatever the scale.
+// An edge that lies between two pixels of the image must lie at the mapped position of the crop, whatever the scale.
 TEST(CropReference, ResizedMaskKeepsItsEdges) {
   const cv::Mat mask = rectangle_mask({200, 200}, {50, 60, 80, 90});
   const CropBox box = crop_of_mask(mask, 0.1);
@@ -139,8 +139,8 @@ TEST(ChromaKeyRecovers, ThePersonFromGreenWithShadowsInBothSpaces) {
     studio.row(row).setTo(cv::Scalar(40 + row / 4, 150 + row / 2, 30 + row / 4));
   cv::Mat image = studio.clone();
   image(cv::Rect(5, 60, 50, 15)) *= 0.6;  // a shadow
-  const cv::Mat truth = rectangle_mask(image.size(), {20, 10, 18, 60});
-  image.setTo(cv::Scalar(120, 110, 170), truth);
+  const cv::Mat ground_truth = rectangle_mask(image.size(), {20, 10, 18, 60});
+  image.setTo(cv::Scalar(120, 110, 170), ground_truth);
   image(cv::Rect(20, 10, 18, 20)).setTo(cv::Scalar(20, 22, 25));  // dark hair
   cv::Mat noise(image.size(), CV_8UC3);
   cv::RNG random(3);
@@ -152,7 +152,7 @@ TEST(ChromaKeyRecovers, ThePersonFromGreenWithShadowsInBothSpaces) {
       key.space = space;
       key.against_background = against_background;
       key.colour = {40, 170, 50};
-      EXPECT_GT(iou(chroma_key_mask(image, key, studio), truth), 0.97)
+      EXPECT_GT(iou(chroma_key_mask(image, key, studio), ground_truth), 0.97)
           << static_cast<int>(space) << " " << against_background;
     }
 }

@@ -63,12 +63,12 @@ TEST(NetworkView, CropsShowThePixelsThatTheyClaim) {
     int count = 0;
     for (int y = 0; y < input.height; ++y)
       for (int x = 0; x < input.width; ++x) {
-        const Vec place = view.image_from_input({x + 0.5, y + 0.5});
-        if ((place.array() < 3).any() || place.x() > 97 || place.y() > 77) continue;
+        const Vec position = view.image_from_input({x + 0.5, y + 0.5});
+        if ((position.array() < 3).any() || position.x() > 97 || position.y() > 77) continue;
         // Colours are rounded after the average and after the interpolation.
-        EXPECT_NEAR(at(values, 0, x, y), 2.0 * place.x(), 1.1) << side;
-        EXPECT_NEAR(at(values, 1, x, y), 2.0 * place.y(), 1.1) << side;
-        error += Vec(at(values, 0, x, y) - 2.0 * place.x(), at(values, 1, x, y) - 2.0 * place.y());
+        EXPECT_NEAR(at(values, 0, x, y), 2.0 * position.x(), 1.1) << side;
+        EXPECT_NEAR(at(values, 1, x, y), 2.0 * position.y(), 1.1) << side;
+        error += Vec(at(values, 0, x, y) - 2.0 * position.x(), at(values, 1, x, y) - 2.0 * position.y());
         ++count;
       }
     ASSERT_GT(count, 50);

@@ -46,8 +46,9 @@ FigureError error_of_file(const GltfPose& file, const FigureClip& clip) {
   for (std::size_t t = 0; t < clip.vertices.size(); ++t) {
     const auto found = file.vertices(static_cast<double>(t) / clip.frames_per_second);
     for (std::size_t i = 0; i < found.size(); ++i) {
-      const float* truth = &clip.vertices[t][3 * static_cast<std::size_t>(index[i][0])];
-      const double off = 1000.0 * (found[i] - Eigen::Vector3d(truth[0], truth[1], truth[2])).norm();
+      const float* ground_truth = &clip.vertices[t][3 * static_cast<std::size_t>(index[i][0])];
+      const double off =
+          1000.0 * (found[i] - Eigen::Vector3d(ground_truth[0], ground_truth[1], ground_truth[2])).norm();
       error.worst = std::max(error.worst, off);
       error.mean += off / static_cast<double>(found.size() * clip.vertices.size());
     }

@@ -123,8 +123,9 @@ class WriteUsdaSkel : public testing::Test {
       const auto found = file.vertices(t);
       EXPECT_EQ(found.size(), actor_.mesh.vertices.size());
       for (std::size_t v = 0; v < found.size(); ++v) {
-        const float* truth = &clip_.vertices[t][3 * v];
-        const double off = 1000.0 * (found[v] - Eigen::Vector3d(truth[0], truth[1], truth[2])).norm();
+        const float* ground_truth = &clip_.vertices[t][3 * v];
+        const double off =
+            1000.0 * (found[v] - Eigen::Vector3d(ground_truth[0], ground_truth[1], ground_truth[2])).norm();
         error.worst = std::max(error.worst, off);
         error.mean += off / static_cast<double>(found.size() * clip_.vertices.size());
       }

@@ -21,7 +21,7 @@ namespace {
 
 using Eigen::Vector3d;
 using support::off_direction;
-using support::place_of;
+using support::position_of;
 
 constexpr int kFrames = 11;
 constexpr double kRate = 10.0, kKnee = M_PI / 3;
@@ -54,16 +54,17 @@ class MotionOfAnotherBody : public ::testing::Test {
     EXPECT_LT(off_direction(character_, first, "LeftForeArm", "LeftHand", Vector3d::UnitX()), degrees);
     // The way of the body is scaled by the length of the legs.
     const auto length = [&](const char* a, const char* b) {
-      return (place_of(character_, character_.rest_dofs, a) - place_of(character_, character_.rest_dofs, b)).norm();
+      return (position_of(character_, character_.rest_dofs, a) - position_of(character_, character_.rest_dofs, b))
+          .norm();
     };
     const double ours =
         length("LeftUpLeg", "LeftLeg") + length("LeftLeg", "LeftFoot") + length("LeftFoot", "LeftToeBase");
-    const Vector3d way = place_of(character_, last, "Root") - place_of(character_, first, "Root");
+    const Vector3d way = position_of(character_, last, "Root") - position_of(character_, first, "Root");
     EXPECT_NEAR(way.x(), ours / leg, 0.01);
     EXPECT_NEAR(way.y(), 0.0, 0.01);
     EXPECT_NEAR(way.z(), 0.0, 0.01);
     // It stands on the floor.
-    EXPECT_NEAR(place_of(character_, first, "LeftToeBase").y(), 0.02, 0.04);
+    EXPECT_NEAR(position_of(character_, first, "LeftToeBase").y(), 0.02, 0.04);
   }
 
   Character character_ = support::tall_character();
@@ -77,7 +78,7 @@ const double kSmplLeg = 0.245 * 1.70 + 0.246 * 1.70 + std::hypot(0.0663 - 0.020,
 
 /// @param up of the file's world; AMASS has z @param width numbers of a pose
 std::string smpl_file(char up, int width, bool deflated = false, const std::string& poses_name = "poses") {
-  std::vector<double> poses, places;
+  std::vector<double> poses, positions;
   for (int f = 0; f < kFrames; ++f) {
     const double share = f / (kFrames - 1.0);
     std::vector<double> row(width, 0.0);
@@ -86,12 +87,12 @@ std::string smpl_file(char up, int width, bool deflated = false, const std::stri
     row[5 * 3] = share * kKnee;           // right knee: from -y towards -z
     poses.insert(poses.end(), row.begin(), row.end());
     const double height = 0.9;
-    const std::vector<double> place{share, up == 'z' ? 0.0 : height, up == 'z' ? height : 0.0};
-    places.insert(places.end(), place.begin(), place.end());
+    const std::vector<double> position{share, up == 'z' ? 0.0 : height, up == 'z' ? height : 0.0};
+    positions.insert(positions.end(), position.begin(), position.end());
   }
   support::NpzWriter file(deflated);
   file.add(poses_name, poses, {kFrames, width});
-  file.add("trans", places, {kFrames, 3});
+  file.add("trans", positions, {kFrames, 3});
   file.add("mocap_framerate", {kRate}, {});
   file.add("betas", std::vector<double>(16, 0.0), {16});
   file.add_bytes("gender.npy", "not read");
@@ -194,7 +195,7 @@ const std::map<std::string, Vector3d> kPoints{
     {"Knee", {0.08, 0.46, 0}},  {"Ankle", {0.08, 0.07, 0}}, {"BigToe", {0.08, 0.02, 0.12}}};
 const double kPointLeg = 0.40 + 0.39 + std::hypot(0.05, 0.12);
 
-/// Places of the points at one time: y up, metres. @param share of the motion that is done
+/// Positions of the points at one time: y up, metres. @param share of the motion that is done
 std::map<std::string, Vector3d> posed_points(double share) {
   std::map<std::string, Vector3d> placed;
   for (const auto& [name, at] : kPoints)
@@ -325,7 +326,7 @@ TEST_F(MarkerMotion, SurvivesEveryTruncation) {
 struct RigNode {
   const char* name;
   int parent;
-  Vector3d place;
+  Vector3d position;
 };
 const std::vector<RigNode> kRig{{"mixamorig:Hips", -1, {0, 0.95, 0}},
                                 {"mixamorig:Spine", 0, {0, 1.05, 0}},
@@ -352,17 +353,18 @@ support::GltfWriter rig_file() {
   support::GltfWriter file;
   using Json = support::GltfWriter::Json;
   for (std::size_t i = 0; i < kRig.size(); ++i) {
-    const Vector3d at = kRig[i].parent < 0 ? kRig[i].place : Vector3d(kRig[i].place - kRig[kRig[i].parent].place);
+    const Vector3d at =
+        kRig[i].parent < 0 ? kRig[i].position : Vector3d(kRig[i].position - kRig[kRig[i].parent].position);
     Json node{{"name", kRig[i].name}, {"translation", {at.x(), at.y(), at.z()}}};
     for (std::size_t j = 0; j < kRig.size(); ++j)
       if (kRig[j].parent == static_cast<int>(i)) node["children"].push_back(j);
     file.json["nodes"].push_back(node);
   }
-  std::vector<float> times, places, elbow, knee;
+  std::vector<float> times, positions, elbow, knee;
   for (int f = 0; f < kFrames; ++f) {
     const double share = f / (kFrames - 1.0), e = -share * M_PI / 4, k = share * kKnee / 2;
     times.push_back(static_cast<float>(f / kRate));
-    for (const double x : {share, 0.95, 0.0}) places.push_back(static_cast<float>(x));
+    for (const double x : {share, 0.95, 0.0}) positions.push_back(static_cast<float>(x));
     for (const double x : {0.0, std::sin(e), 0.0, std::cos(e)}) elbow.push_back(static_cast<float>(x));
     for (const double x : {std::sin(k), 0.0, 0.0, std::cos(k)}) knee.push_back(static_cast<float>(x));
   }
@@ -373,7 +375,7 @@ support::GltfWriter rig_file() {
   };
   file.json["animations"] = Json::array(
       {{{"name", "bend"},
-        {"samplers", Json::array({sampler(file.floats(places, "VEC3", 3)), sampler(file.floats(elbow, "VEC4", 4)),
+        {"samplers", Json::array({sampler(file.floats(positions, "VEC3", 3)), sampler(file.floats(elbow, "VEC4", 4)),
                                   sampler(file.floats(knee, "VEC4", 4))})},
         {"channels",
          Json::array({channel(0, 0, "translation"), channel(1, 5, "rotation"), channel(2, 15, "rotation")})}}});

@@ -48,7 +48,7 @@ class RealMotions : public support::RigReferenceTest {
 
   /// The direction of the file's own bone in a frame of the imported motion.
   Vector3d true_direction(std::size_t frame, const std::string& from, const std::string& to) const {
-    return place(frame, to) - place(frame, from);
+    return position(frame, to) - position(frame, from);
   }
   bool has(const std::string& name) const { return rig_.landmark_joint[landmark(name)] >= 0; }
   /// Whether the one joint carries the other; the feet of some rigs hang on the root.
@@ -59,8 +59,8 @@ class RealMotions : public support::RigReferenceTest {
     return joint >= 0;
   }
   std::string bone(const std::string& name) const { return rig_.joints[rig_.landmark_joint[landmark(name)]].bone; }
-  Vector3d place(std::size_t frame, const std::string& name) const {
-    return support::place_of(rig_.character, rig_.motions[0].motion.frames[frame], bone(name));
+  Vector3d position(std::size_t frame, const std::string& name) const {
+    return support::position_of(rig_.character, rig_.motions[0].motion.frames[frame], bone(name));
   }
 
   /// The angles between limbs of the character and those of the file over some frames, degrees.
@@ -74,8 +74,8 @@ class RealMotions : public support::RigReferenceTest {
       for (const std::string side : {"left_", "right_"})
         for (const auto& [from, to] : kLimbs) {
           if (!has(side + from) || !has(side + to) || !is_chain(side + from, side + to)) continue;
-          const Vector3d ours = support::place_of(character, motion.frames[f], bone_of_landmark(side + to)) -
-                                support::place_of(character, motion.frames[f], bone_of_landmark(side + from));
+          const Vector3d ours = support::position_of(character, motion.frames[f], bone_of_landmark(side + to)) -
+                                support::position_of(character, motion.frames[f], bone_of_landmark(side + from));
           const double angle = support::degrees_between(ours, true_direction(f, side + from, side + to));
           result.largest = std::max(result.largest, angle);
           result.mean += angle;

@@ -39,7 +39,7 @@ inline Character tall_character() {
 }
 
 /// Where the last joint of a bone is in a pose.
-inline Vector3d place_of(const Character& character, const std::vector<double>& dofs, const std::string& bone) {
+inline Vector3d position_of(const Character& character, const std::vector<double>& dofs, const std::string& bone) {
   const auto pose = character.skeleton.pose(dofs);
   for (int j = character.skeleton.num_joints(); j-- > 0;)
     if (bone_name(character.skeleton.joints[j].name) == bone) return pose[j].translation();
@@ -53,7 +53,7 @@ inline double degrees_between(const Vector3d& a, const Vector3d& b) {
 /// The angle between a bone of the character and a direction, degrees.
 inline double off_direction(const Character& character, const std::vector<double>& dofs, const std::string& from,
                             const std::string& to, const Vector3d& direction) {
-  return degrees_between(place_of(character, dofs, to) - place_of(character, dofs, from), direction);
+  return degrees_between(position_of(character, dofs, to) - position_of(character, dofs, from), direction);
 }
 
 }  // namespace doppel::support

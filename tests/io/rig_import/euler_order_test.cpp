@@ -30,9 +30,9 @@ TEST(EulerOrder, AnglesGiveTheRotationBackInEveryOrder) {
 TEST(EulerOrder, AnglesGoOnWithoutAJump) {
   Eigen::Vector3d before = Eigen::Vector3d::Zero();
   for (int i = 0; i <= 100; ++i) {
-    const Eigen::Vector3d truth(0.08 * i, 0.5, -0.03 * i);
-    const Eigen::Vector3d found = euler_angles(turned({1, 2, 0}, truth), {1, 2, 0}, before);
-    EXPECT_LT((found - truth).norm(), 1e-9) << i;
+    const Eigen::Vector3d ground_truth(0.08 * i, 0.5, -0.03 * i);
+    const Eigen::Vector3d found = euler_angles(turned({1, 2, 0}, ground_truth), {1, 2, 0}, before);
+    EXPECT_LT((found - ground_truth).norm(), 1e-9) << i;
     before = found;
   }
 }

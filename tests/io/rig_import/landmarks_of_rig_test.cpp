@@ -17,9 +17,9 @@ std::vector<RigJoint> body(const std::vector<std::string>& names) {
   std::vector<RigJoint> joints;
   for (int i = 0; i < 21; ++i) {
     const int limb = (i - 5) % 8;
-    const Eigen::Vector3d place =
+    const Eigen::Vector3d position =
         i < 5 ? Eigen::Vector3d(0, up[i], 0) : Eigen::Vector3d((i < 13 ? 1 : -1) * x[limb], y[limb], z[limb]);
-    joints.push_back({names[static_cast<std::size_t>(i)], parent[i], place});
+    joints.push_back({names[static_cast<std::size_t>(i)], parent[i], position});
   }
   return joints;
 }

@@ -100,11 +100,11 @@ TEST_P(RealRigs, LandmarksAreTheJointsThatPeopleChose) {
 
 TEST_P(RealRigs, TheTemplateStandsUpright) {
   const ImportedRig rig = import_rig(scene_);
-  const auto place = [&](const char* landmark) {
+  const auto position = [&](const char* landmark) {
     const auto found = std::find(kBodyLandmarks.begin(), kBodyLandmarks.end(), std::string(landmark));
     return rig.joints[rig.landmark_joint[found - kBodyLandmarks.begin()]].position;
   };
-  const Eigen::Vector3d up = place("head") - place("pelvis"), left = place("left_hip") - place("right_hip");
+  const Eigen::Vector3d up = position("head") - position("pelvis"), left = position("left_hip") - position("right_hip");
   EXPECT_GT(up.normalized().y(), 0.95);
   EXPECT_LT(std::abs(left.normalized().y()), 0.1);
 }

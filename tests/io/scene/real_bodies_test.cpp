@@ -12,9 +12,10 @@ class RealRiggedBodies : public support::RigReferenceTest {
  protected:
   double largest_error(const std::vector<Eigen::Vector3d>& posed) const {
     double largest = 0.0;
-    for (std::size_t row = 0; 3 * row < truth_.size(); ++row)
+    for (std::size_t row = 0; 3 * row < ground_truth_.size(); ++row)
       largest = std::max(
-          largest, (posed.at(as_size(vertex_of(row))) - Eigen::Map<const Eigen::Vector3d>(&truth_[3 * row])).norm());
+          largest,
+          (posed.at(as_size(vertex_of(row))) - Eigen::Map<const Eigen::Vector3d>(&ground_truth_[3 * row])).norm());
     return largest;
   }
 };
@@ -32,8 +33,8 @@ TEST_P(RealRiggedBodies, JointsAreWhereTheFileTakesThem) {
   for (std::size_t i = 0; i < scene_.nodes.size(); ++i) node[scene_.nodes[i].name] = i;
   for (const auto& [name, position] : reference_["joint_world"].items()) {
     ASSERT_TRUE(node.count(name)) << name;
-    const Eigen::Vector3d truth(position[0], position[1], position[2]);
-    EXPECT_LT((world[node[name]].translation() - truth).norm(), 5e-6 * metre) << name;
+    const Eigen::Vector3d ground_truth(position[0], position[1], position[2]);
+    EXPECT_LT((world[node[name]].translation() - ground_truth).norm(), 5e-6 * metre) << name;
   }
 }
 

@@ -47,7 +47,7 @@ class ScanFiles : public ::testing::Test {
   support::TemporaryFolder folder_;
 };
 
-/// The corners of each triangle as places. The index of a vertex may differ between files.
+/// The corners of each triangle as positions. The index of a vertex may differ between files.
 std::vector<Eigen::Vector3d> corners_of(const std::vector<Eigen::Vector3d>& vertices,
                                         const std::vector<Triangle>& faces) {
   std::vector<Eigen::Vector3d> corners;

@@ -33,16 +33,16 @@ std::vector<double> some_pose(double phase) {
   return dofs;
 }
 
-/// The places of the bones, rebuilt as a receiver does, in our axes.
-std::map<std::string, Eigen::Vector3d> places(const std::vector<VmcBone>& bones) {
-  std::vector<Eigen::Vector3d> place;
+/// The positions of the bones, rebuilt as a receiver does, in our axes.
+std::map<std::string, Eigen::Vector3d> positions(const std::vector<VmcBone>& bones) {
+  std::vector<Eigen::Vector3d> position;
   std::vector<Eigen::Quaterniond> world;
   std::map<std::string, Eigen::Vector3d> named;
   for (const VmcBone& bone : bones) {
     const bool root = bone.parent < 0;
-    place.push_back(root ? bone.position : place[bone.parent] + world[bone.parent] * bone.position);
+    position.push_back(root ? bone.position : position[bone.parent] + world[bone.parent] * bone.position);
     world.push_back(root ? bone.rotation : world[bone.parent] * bone.rotation);
-    named[bone.name] = {-place.back().x(), place.back().y(), place.back().z()};
+    named[bone.name] = {-position.back().x(), position.back().y(), position.back().z()};
   }
   return named;
 }
@@ -52,7 +52,7 @@ TEST(VmcAvatarAgrees, JointsThatAReceiverRebuildsAreThoseOfThePose) {
   const Figure figure = make_figure(person(), BoneNames::vrm);
   for (const double phase : {0.0, 1.0, 2.0}) {
     const std::vector<double> dofs = some_pose(phase);
-    const auto found = places(avatar.bones(dofs));
+    const auto found = positions(avatar.bones(dofs));
     const auto posed = pose_nodes(figure, person().skeleton, dofs);
     int compared = 0;
     for (std::size_t n = 0; n < figure.nodes.size(); ++n) {
@@ -70,7 +70,7 @@ TEST(VmcAvatarAgrees, JointsThatAReceiverRebuildsAreThoseOfThePose) {
 TEST(VmcAvatarBehaves, WithoutRotationsTheAvatarStandsInATPose) {
   std::vector<VmcBone> bones = VmcAvatar(person()).bones(person().rest_dofs);
   for (VmcBone& bone : bones) bone.rotation = Eigen::Quaterniond::Identity();
-  auto found = places(bones);
+  auto found = positions(bones);
   EXPECT_NEAR(found.at("LeftHand").y(), found.at("LeftUpperArm").y(), 1e-6);
   EXPECT_NEAR(found.at("LeftHand").z(), found.at("LeftUpperArm").z(), 1e-6);
   EXPECT_GT(found.at("LeftHand").x(), found.at("RightHand").x() + 0.8);

@@ -175,10 +175,10 @@ TEST(DrawPixels, HalfOfThemInTheMask) {
   const auto draw = [&](uint64_t seed) {
     return draw_pixels(guide, 0, mask, 1001, at::detail::createCPUGenerator(seed));
   };
-  const Tensor pixels = draw(1), place = pixels.select(1, 1) * kWidth + pixels.select(1, 0);
+  const Tensor pixels = draw(1), position = pixels.select(1, 1) * kWidth + pixels.select(1, 0);
   EXPECT_EQ(pixels.size(0), 1001);
-  EXPECT_TRUE(guide.reached.flatten().index_select(0, place).all().item<bool>());
-  const double within = mask.flatten().index_select(0, place).mean().item<double>();
+  EXPECT_TRUE(guide.reached.flatten().index_select(0, position).all().item<bool>());
+  const double within = mask.flatten().index_select(0, position).mean().item<double>();
   const double of_reached = mask.masked_select(guide.reached[0]).mean().item<double>();
   EXPECT_NEAR(within, 0.5 + 0.5 * of_reached, 0.05);
   EXPECT_TRUE(torch::equal(pixels, draw(1)));

@@ -14,19 +14,19 @@ constexpr int kRows = 6, kColumns = 4, kHeight = 100;
 
 class PoseSheet : public ::testing::Test {
  protected:
-  /// The pixels of a picture of the sheet that do not show the wall, apart from the corner with the label.
+  /// The pixels of an image of the sheet that do not show the wall, apart from the corner with the label.
   cv::Rect body_in(int row, int column) const {
-    cv::Mat picture = sheet_(cv::Rect(column * width_, row * kHeight, width_, kHeight)).clone();
-    if (column == 0) picture(cv::Rect(0, 0, width_, kHeight / 12)) = cv::Scalar(195, 190, 190);
+    cv::Mat image = sheet_(cv::Rect(column * width_, row * kHeight, width_, kHeight)).clone();
+    if (column == 0) image(cv::Rect(0, 0, width_, kHeight / 12)) = cv::Scalar(195, 190, 190);
     cv::Mat wall;
-    cv::inRange(picture, cv::Scalar(195, 190, 190), cv::Scalar(195, 190, 190), wall);
+    cv::inRange(image, cv::Scalar(195, 190, 190), cv::Scalar(195, 190, 190), wall);
     return cv::boundingRect(255 - wall);
   }
   cv::Mat sheet_ = draw_pose_sheet(support::tube_body(support::plain_body()), kHeight);
   int width_ = sheet_.cols / kColumns;
 };
 
-TEST_F(PoseSheet, EachPictureHoldsTheWholeBody) {
+TEST_F(PoseSheet, EachImageHoldsTheWholeBody) {
   ASSERT_EQ(sheet_.rows, kRows * kHeight);
   ASSERT_EQ(sheet_.cols, kColumns * width_);
   int widest = 0;
@@ -39,7 +39,7 @@ TEST_F(PoseSheet, EachPictureHoldsTheWholeBody) {
       EXPECT_LT(body.br().y, kHeight) << row << " " << column;
       widest = std::max(widest, body.width);
     }
-  EXPECT_GT(widest, width_ / 2) << "the bodies fill the pictures";
+  EXPECT_GT(widest, width_ / 2) << "the bodies fill the images";
 }
 
 TEST_F(PoseSheet, RowsShowThePosesInOneScale) {

@@ -10,7 +10,7 @@
 #include "doppel/rigging/autorig/create_character.h"
 #include "doppel/rigging/autorig/find_joints.h"
 #include "doppel/rigging/autorig/scan_of_scene.h"
-#include "doppel/rigging/joints/place_inside.h"
+#include "doppel/rigging/joints/move_inside.h"
 #include "support/blazepose_weights.h"
 
 namespace doppel::real_bodies_test {
@@ -22,15 +22,15 @@ class RealBodies : public support::BlazePoseTest {
  protected:
   fs::path folder(const std::string& body) const { return shared_ / "bodies" / body; }
 
-  nlohmann::json truth_of(const fs::path& file) const {
+  nlohmann::json ground_truth_of(const fs::path& file) const {
     return nlohmann::json::parse(std::ifstream(file))["landmarks"];
   }
 
   /// Distances of joints from the true limb joints, ascending, in the unit of both.
-  std::vector<double> errors(const BodyJoints& joints, const nlohmann::json& truth) const {
+  std::vector<double> errors(const BodyJoints& joints, const nlohmann::json& ground_truth) const {
     std::vector<double> distances;
     for (const std::string& name : limb_joint_names()) {
-      const auto& expected = truth[name.substr(0, 1) + name.substr(name.find('_'))];
+      const auto& expected = ground_truth[name.substr(0, 1) + name.substr(name.find('_'))];
       distances.push_back((joints.at(name) - Eigen::Vector3d(expected[0], expected[1], expected[2])).norm());
     }
     std::sort(distances.begin(), distances.end());
@@ -49,13 +49,13 @@ class RealBodies : public support::BlazePoseTest {
   }
 };
 
-TEST_F(RealBodies, JointsAreFoundInPictures) {
+TEST_F(RealBodies, JointsAreFoundInImages) {
   for (const char* body :
        {"m2m_female", "m2m_male_apose", "mh_girl_dress", "mh_man_old_suit", "mh_man_workwear", "mh_woman_slim"}) {
     const TriangleMesh mesh = read_obj(folder(body) / "body.obj", 1.0);
     FoundJoints found = find_joints(mesh);
-    place_inside(found.joints, solid_grid(VoxelSolid(mesh)));
-    std::vector<double> distances = errors(found.joints, truth_of(folder(body) / "truth.json"));
+    move_inside(found.joints, solid_grid(VoxelSolid(mesh)));
+    std::vector<double> distances = errors(found.joints, ground_truth_of(folder(body) / "truth.json"));
     for (double& distance : distances) distance *= 1e3;
     expect_small(body, distances);
   }
@@ -74,7 +74,7 @@ TEST_F(RealBodies, ScansBecomeCharacters) {
     BodyJoints in_file = created.joints.joints;
     for (auto& [name, position] : in_file.positions) position = created.joints.file_from_character * position;
     const double units_per_metre = std::cbrt(created.joints.file_from_character.linear().determinant());
-    std::vector<double> distances = errors(in_file, truth_of(folder(body) / "scan_truth.json"));
+    std::vector<double> distances = errors(in_file, ground_truth_of(folder(body) / "scan_truth.json"));
     for (double& distance : distances) distance *= 1e3 / units_per_metre;
     expect_small(std::string(body) + "_scan", distances);
   }

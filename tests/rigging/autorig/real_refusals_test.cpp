@@ -70,7 +70,7 @@ TEST_F(RealRefusals, WhatIsNoPerson) {
   const TriangleMesh ball = make_limb({0, 0.85, 0}, {0, 0.851, 0}, 0.85);
   for (const TriangleMesh& thing : {make_box({-0.25, 0, -0.15}, {0.25, 1.75, 0.15}), ball, chair()})
     EXPECT_EQ(refusal_of(thing),
-              "finding joints: a person was found in 0 of 32 pictures of the scan; expected is one standing person. If "
+              "finding joints: a person was found in 0 of 32 images of the scan; expected is one standing person. If "
               "the scan lies on its side or stands on its head, say which axis points up (--up); if it is no whole "
               "person, give the joints yourself (--joints)");
 }
@@ -86,14 +86,14 @@ TEST_F(RealRefusals, TwoPersonsSideBySide) {
   }
 }
 
-/// Two persons whose scans touch are one surface: only the pictures tell.
+/// Two persons whose scans touch are one surface: only the images tell.
 TEST_F(RealRefusals, TwoPersonsHandInHand) {
   TriangleMesh two = body("mh_woman_slim");
   append(two, moved(body("mh_woman_slim"), {0.98, 0, 0}));
   append(two, make_limb({0.4, 0.98, 0.16}, {0.58, 0.98, 0.16}, 0.04));
-  EXPECT_THAT(refusal_of(two), ::testing::MatchesRegex(
-                                   "finding joints: [0-9]+ of 32 pictures of the scan show more than one person; cut "
-                                   "the scan so that one person is left"));
+  EXPECT_THAT(refusal_of(two),
+              ::testing::MatchesRegex("finding joints: [0-9]+ of 32 images of the scan show more than one person; cut "
+                                      "the scan so that one person is left"));
 }
 
 TEST_F(RealRefusals, ABust) {

@@ -155,9 +155,9 @@ TEST(BodyModel, IsSymmetric) {
     }
     EXPECT_LT(sum / mesh.num_vertices(), 0.001);
     EXPECT_LT(most, 0.012);
-    for (const auto& [name, place] : model().joints(measures).positions) {
+    for (const auto& [name, position] : model().joints(measures).positions) {
       const Vector3d other = model().joints(measures).at(other_side(name));
-      EXPECT_NEAR((place - Vector3d(-other.x(), other.y(), other.z())).norm(), 0, 1e-12) << name;
+      EXPECT_NEAR((position - Vector3d(-other.x(), other.y(), other.z())).norm(), 0, 1e-12) << name;
     }
   }
 }
@@ -264,12 +264,12 @@ TEST(BodyModel, TheSkeletonIsThatOfTheBody) {
   const Character character = model().character("somebody", measures);
   const BodyJoints joints = model().joints(measures);
   const auto world_from_joint = character.skeleton.pose(character.rest_dofs);
-  const auto place = [&](const char* bone) {
+  const auto position = [&](const char* bone) {
     return Vector3d(world_from_joint[character.skeleton.joint_of_bone(bone, BoneRule::exact)].translation());
   };
-  EXPECT_LT((place("LeftForeArm") - joints.at("left_elbow")).norm(), 1e-9);
-  EXPECT_LT((place("RightFoot") - joints.at("right_ankle")).norm(), 1e-9);
-  EXPECT_LT((place("Head") - joints.at("head")).norm(), 1e-9);
+  EXPECT_LT((position("LeftForeArm") - joints.at("left_elbow")).norm(), 1e-9);
+  EXPECT_LT((position("RightFoot") - joints.at("right_ankle")).norm(), 1e-9);
+  EXPECT_LT((position("Head") - joints.at("head")).norm(), 1e-9);
 }
 
 TEST(BodyModel, ACharacterIsMadeQuickly) {

@@ -19,7 +19,7 @@ const std::vector<std::pair<std::string, std::string>> kSided{
     {"Shoulder_rz", "clavicle"}, {"Arm_rx", "shoulder"}, {"ForeArm_ry", "elbow"}, {"Hand_ry", "wrist"},
     {"UpLeg_ry", "hip"},         {"Leg_rx", "knee"},     {"Foot_rz", "ankle"},    {"ToeBase_rx", "toe"}};
 
-Vector3d place(const BodySkeleton& body, const std::vector<double>& dofs, const std::string& joint) {
+Vector3d position(const BodySkeleton& body, const std::vector<double>& dofs, const std::string& joint) {
   return body.skeleton.pose(dofs)[*body.skeleton.find_joint(joint)].translation();
 }
 
@@ -41,10 +41,10 @@ class RestPoses : public ::testing::TestWithParam<Stance> {
 
 TEST_P(RestPoses, AllJointsLieWhereTheyWereGiven) {
   const auto& rest = body_.rest_dofs;
-  for (const auto& [joint, name] : kJoints) EXPECT_LT((place(body_, rest, joint) - joints_.at(name)).norm(), 1e-9);
+  for (const auto& [joint, name] : kJoints) EXPECT_LT((position(body_, rest, joint) - joints_.at(name)).norm(), 1e-9);
   for (const auto& [joint, name] : kSided) {
-    EXPECT_LT((place(body_, rest, "Left" + joint) - joints_.at("left_" + name)).norm(), 1e-9) << joint;
-    EXPECT_LT((place(body_, rest, "Right" + joint) - joints_.at("right_" + name)).norm(), 1e-9) << joint;
+    EXPECT_LT((position(body_, rest, "Left" + joint) - joints_.at("left_" + name)).norm(), 1e-9) << joint;
+    EXPECT_LT((position(body_, rest, "Right" + joint) - joints_.at("right_" + name)).norm(), 1e-9) << joint;
   }
 }
 
@@ -63,7 +63,7 @@ TEST_P(RestPoses, RestDofsLieWithinTheLimitsAndTheRootIsUsual) {
 TEST_P(RestPoses, TheZeroPoseIsTheSameForAll) {
   const std::vector<double> zero(body_.rest_dofs.size(), 0.0);
   const auto along = [&](const std::string& from, const std::string& to) {
-    return Vector3d((place(body_, zero, to) - place(body_, zero, from)).normalized());
+    return Vector3d((position(body_, zero, to) - position(body_, zero, from)).normalized());
   };
   for (const double s : {1.0, -1.0}) {
     const std::string side = s > 0 ? "Left" : "Right";
@@ -80,7 +80,7 @@ TEST_P(RestPoses, DofsMoveAsTheirNamesSay) {
   const auto posed = [&](const std::string& dof, double angle, const std::string& joint) {
     std::vector<double> dofs(body_.rest_dofs.size(), 0.0);
     dofs[*body_.skeleton.find_dof(dof)] = angle;
-    return Vector3d(place(body_, dofs, joint) - place(body_, std::vector<double>(dofs.size(), 0.0), joint));
+    return Vector3d(position(body_, dofs, joint) - position(body_, std::vector<double>(dofs.size(), 0.0), joint));
   };
   for (const double s : {1.0, -1.0}) {
     const std::string side = s > 0 ? "Left" : "Right";

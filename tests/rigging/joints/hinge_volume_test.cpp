@@ -22,7 +22,7 @@ TEST(Hinges, AreTwoElbowsAndTwoKneesThatBendForwardsAndBackwards) {
   const std::vector<Hinge> hinges = find_hinges(arm.character);
   ASSERT_EQ(hinges.size(), 4u);
   for (const Hinge& hinge : hinges) {
-    const Eigen::Vector3d way = hinge.axis.cross(hinge.places.end - hinge.places.joint);
+    const Eigen::Vector3d way = hinge.axis.cross(hinge.positions.end - hinge.positions.joint);
     EXPECT_GT(hinge.knee ? -way.z() : way.z(), 0.1);
     EXPECT_FALSE(hinge.below[static_cast<std::size_t>(hinge.limb[0])]);
     EXPECT_TRUE(hinge.below[static_cast<std::size_t>(hinge.limb[1])]);

@@ -41,7 +41,7 @@ TEST_F(ATornArm, IsSmoothedWhereItIsTorn) {
   }
 }
 
-TEST_F(ATornArm, KeepsEqualWeightsAtOnePlace) {
+TEST_F(ATornArm, KeepsEqualWeightsAtOnePosition) {
   // A seam: some triangles at the torn vertex have a copy of it.
   TriangleMesh& mesh = arm_.character.mesh;
   const int copy = mesh.num_vertices();

@@ -31,8 +31,8 @@ cv::Mat ramp(int width, int height, int number) {
 /// A texture that continues itself when it repeats; neighbours differ by 20 at most.
 cv::Mat wave(int size) {
   cv::Mat image(size, size, CV_8UC3);
-  const auto at = [&](int place) {
-    return cv::saturate_cast<uchar>(127.5 + 127.5 * std::sin(2.0 * CV_PI * place / size));
+  const auto at = [&](int position) {
+    return cv::saturate_cast<uchar>(127.5 + 127.5 * std::sin(2.0 * CV_PI * position / size));
   };
   for (int y = 0; y < size; ++y)
     for (int x = 0; x < size; ++x) image.at<cv::Vec3b>(y, x) = {at(x), at(y), at(x + y)};

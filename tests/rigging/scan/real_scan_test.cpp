@@ -37,7 +37,7 @@ Vector3d direction_of(const nlohmann::json& value) {
 class RealScan : public support::SharedFolderTest {
  protected:
   fs::path folder(const std::string& body) const { return shared_ / "bodies" / body; }
-  nlohmann::json truth(const std::string& body, const char* file) const {
+  nlohmann::json ground_truth(const std::string& body, const char* file) const {
     std::ifstream stream(folder(body) / file);
     return nlohmann::json::parse(stream);
   }
@@ -59,12 +59,12 @@ double degrees_between(const Vector3d& a, const Vector3d& b) {
 TEST_F(RealScan, UnitUpAndFacingOfScansAreFound) {
   for (const char* body : kScans) {
     SCOPED_TRACE(body);
-    const nlohmann::json scan = truth(body, "scan_truth.json");
+    const nlohmann::json scan = ground_truth(body, "scan_truth.json");
     const ScanOrientation found = find_orientation(read(body, "scan.obj"));
     SCOPED_TRACE(::testing::PrintToString(found.reasons));
     EXPECT_EQ(found.unit, scan["units"].get<std::string>());
     EXPECT_EQ(found.up, scan["up"].get<std::string>());
-    EXPECT_NEAR(found.height, truth(body, "truth.json")["height"].get<double>(), 0.02);
+    EXPECT_NEAR(found.height, ground_truth(body, "truth.json")["height"].get<double>(), 0.02);
     ASSERT_TRUE(found.facing.has_value());
     EXPECT_LT(degrees_between(*found.facing, direction_of(scan["facing"])), 10.0);
     EXPECT_FALSE(found.floor);
@@ -78,7 +78,7 @@ TEST_F(RealScan, BodiesAreFoundInAnyFrameAndUnit) {
   const char* names[] = {"+x", "-x", "+y", "-y", "+z", "-z"};
   for (const char* body : kBodies) {
     const TriangleMesh mesh = read(body, "body.obj");
-    const Vector3d front = direction_of(truth(body, "truth.json")["facing"]);
+    const Vector3d front = direction_of(ground_truth(body, "truth.json")["facing"]);
     for (int axis = 0; axis < 6; ++axis) {
       SCOPED_TRACE(std::string(body) + " " + names[axis]);
       // y goes to the axis; a turn about it by an angle of no significance comes first.
@@ -102,7 +102,7 @@ TEST_F(RealScan, BodiesAreFoundInAnyFrameAndUnit) {
 TEST_F(RealScan, SpecksAndHolesAreCountedAndMended) {
   for (const char* body : kScans) {
     SCOPED_TRACE(body);
-    const nlohmann::json scan = truth(body, "scan_truth.json");
+    const nlohmann::json scan = ground_truth(body, "scan_truth.json");
     const RepairedMesh repaired = repair(character(body));
     SCOPED_TRACE(::testing::PrintToString(repaired.report.sentences()));
     // A speck that touches the body counts as a part of it.
@@ -137,14 +137,14 @@ TEST_F(RealScan, LimbJointsLieInTheSolid) {
     const TriangleMesh mesh = read(body, is_scan ? "scan.obj" : "body.obj");
     const Matrix4d to_metres = is_scan ? find_orientation(mesh).character_from_file : Matrix4d(Matrix4d::Identity());
     const VoxelSolid solid(repair(transformed(mesh, to_metres)).mesh);
-    const nlohmann::json landmarks = truth(body, file)["landmarks"];
+    const nlohmann::json landmarks = ground_truth(body, file)["landmarks"];
     for (const char* joint : kLimbJoints)
       for (const char* side : {"l_", "r_"}) {
         const nlohmann::json& p = landmarks[std::string(side) + joint];
-        const Vector3d place =
+        const Vector3d position =
             (to_metres * Eigen::Vector4d(p[0].get<double>(), p[1].get<double>(), p[2].get<double>(), 1.0)).head<3>();
-        EXPECT_TRUE(solid.inside(place)) << body << " " << file << " " << side << joint << " depth "
-                                         << solid.depth(place);
+        EXPECT_TRUE(solid.inside(position))
+            << body << " " << file << " " << side << joint << " depth " << solid.depth(position);
       }
   }
 }

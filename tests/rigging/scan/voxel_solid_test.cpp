@@ -52,9 +52,9 @@ TEST(VoxelSolid, DepthOfACubeIsTheDistanceToItsSides) {
   for (const Vector3d& point : {Vector3d(0, 0.5, 0), Vector3d(0.2, 0.4, -0.1), Vector3d(-0.4, 0.1, 0.3),
                                 Vector3d(0.0, 0.9, 0.0), Vector3d(0.7, 0.5, 0.0)}) {
     const Vector3d beyond = (point - Vector3d(0, 0.5, 0)).cwiseAbs() - Vector3d::Constant(0.5);
-    const double truth = -beyond.maxCoeff();
-    EXPECT_NEAR(solid.depth(point), truth, 0.03) << point.transpose();
-    EXPECT_EQ(solid.inside(point), truth > 0.0);
+    const double ground_truth = -beyond.maxCoeff();
+    EXPECT_NEAR(solid.depth(point), ground_truth, 0.03) << point.transpose();
+    EXPECT_EQ(solid.inside(point), ground_truth > 0.0);
   }
   EXPECT_LT(solid.depth({5.0, 0.5, 0.0}), -4.4);
 }

@@ -76,10 +76,10 @@ TEST(Stretch, ASingleBadVertexStretchesAloneAndAJointDoesNot) {
 constexpr double kRadius = 0.05, kStep = 0.05;
 /// Rings lie at multiples of 5 cm; the piece reaches from -25 cm to 25 cm.
 const TriangleMesh kLimb = support::cylinder(-0.5, 0.5, kRadius, Vector3d::Zero(), kStep);
-const LimbPlaces kPlaces{{-0.52, 0, 0}, {0, 0, 0}, {0.52, 0, 0}};
+const LimbPositions kLimbPositions{{-0.52, 0, 0}, {0, 0, 0}, {0.52, 0, 0}};
 
 LimbPiece piece_of(const TriangleMesh& mesh) {
-  return LimbPiece(mesh.vertices, mesh.faces, std::vector<bool>(mesh.vertices.size(), true), kPlaces);
+  return LimbPiece(mesh.vertices, mesh.faces, std::vector<bool>(mesh.vertices.size(), true), kLimbPositions);
 }
 
 /// The upper bone moves the rings below 0, the lower bone those above, both the ring at 0.
@@ -143,7 +143,7 @@ TEST(LimbPieces, AHalfTurnLosesVolumeAsTheSkinningSays) {
 
 TEST(LimbPieces, OtherLimbsDoNotCount) {
   const std::vector<bool> nothing(kLimb.vertices.size(), false);
-  const LimbPiece piece(kLimb.vertices, kLimb.faces, nothing, kPlaces);
+  const LimbPiece piece(kLimb.vertices, kLimb.faces, nothing, kLimbPositions);
   EXPECT_TRUE(piece.empty());
   EXPECT_EQ(piece.volume(kLimb.vertices), 0.0);
 }
@@ -152,7 +152,7 @@ TEST(LimbPieces, OtherLimbsDoNotCount) {
 
 class TestPoses : public ::testing::Test {
  protected:
-  Vector3d place(int pose, const std::string& joint) const {
+  Vector3d position(int pose, const std::string& joint) const {
     return body_.skeleton.pose(poses_[pose].dofs)[*body_.skeleton.find_joint(joint)].translation();
   }
   BodySkeleton body_ = make_body_skeleton(support::plain_body());
@@ -171,15 +171,15 @@ TEST_F(TestPoses, AreFiveWithinTheLimits) {
 
 TEST_F(TestPoses, LookAsTheirNamesSay) {
   for (const std::string side : {"Left", "Right"}) {
-    EXPECT_GT(place(0, side + "Hand_ry").y(), place(0, "HeadEE").y()) << "arms overhead";
-    EXPECT_GT(place(1, side + "ForeArm_ry").z(), place(1, side + "Arm_rx").z() + 0.2) << "elbows in front";
-    EXPECT_LT((place(1, side + "Hand_ry") - place(1, side + "Arm_rx")).norm(), 0.2) << "hands at the shoulders";
-    EXPECT_LT(place(2, "Root_rx").y() - place(2, side + "Foot_rz").y(), 0.35) << "a deep squat";
-    EXPECT_LT(place(2, "Root_rx").y(), place(2, side + "Leg_rx").y() + 0.1) << "hips as low as the knees";
+    EXPECT_GT(position(0, side + "Hand_ry").y(), position(0, "HeadEE").y()) << "arms overhead";
+    EXPECT_GT(position(1, side + "ForeArm_ry").z(), position(1, side + "Arm_rx").z() + 0.2) << "elbows in front";
+    EXPECT_LT((position(1, side + "Hand_ry") - position(1, side + "Arm_rx")).norm(), 0.2) << "hands at the shoulders";
+    EXPECT_LT(position(2, "Root_rx").y() - position(2, side + "Foot_rz").y(), 0.35) << "a deep squat";
+    EXPECT_LT(position(2, "Root_rx").y(), position(2, side + "Leg_rx").y() + 0.1) << "hips as low as the knees";
   }
-  EXPECT_GT(place(3, "LeftFoot_rz").y(), place(3, "LeftUpLeg_ry").y() - 0.1) << "the foot as high as the hip";
-  EXPECT_LT(place(3, "RightFoot_rz").z(), place(3, "RightUpLeg_ry").z() - 0.2) << "the other foot behind";
-  const Vector3d shoulders = place(4, "LeftArm_rx") - place(4, "RightArm_rx");
+  EXPECT_GT(position(3, "LeftFoot_rz").y(), position(3, "LeftUpLeg_ry").y() - 0.1) << "the foot as high as the hip";
+  EXPECT_LT(position(3, "RightFoot_rz").z(), position(3, "RightUpLeg_ry").z() - 0.2) << "the other foot behind";
+  const Vector3d shoulders = position(4, "LeftArm_rx") - position(4, "RightArm_rx");
   EXPECT_NEAR(std::atan2(-shoulders.z(), shoulders.x()), 0.8, 0.05) << "the chest turns to the left";
 }
 

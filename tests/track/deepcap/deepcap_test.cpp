@@ -59,7 +59,7 @@ TEST_F(Deepcap, WritesMotionsSurfacesAndAFilmAndBridgesWhatNobodySaw) {
   const auto root_height = [&](int frame) {
     return landmark_positions(skeleton, filmed->landmarks(), motion.frames[frame])[0];
   };
-  // The place that was bridged lies between its neighbours'.
+  // The position that was bridged lies between its neighbours'.
   EXPECT_LT((root_height(2) - 0.5 * (root_height(1) + root_height(3))).norm(),
             0.5 * (root_height(1) - root_height(3)).norm() + 0.02);
 

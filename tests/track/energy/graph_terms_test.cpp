@@ -69,9 +69,9 @@ TEST_F(GraphTerms, ArapMeasuresWhatNeighboursPredict) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitY()).toRotationMatrix();
   for (int k = 0; k < model_.num_nodes(); ++k) {
     const Eigen::Vector3d node = model_.nodes()[k];
-    const Eigen::Vector3d place = turn * node + Eigen::Vector3d(0.1, 0.2, 0.3) - node;
+    const Eigen::Vector3d position = turn * node + Eigen::Vector3d(0.1, 0.2, 0.3) - node;
     rigid[6 * k + 1] = 0.4;
-    for (int i = 0; i < 3; ++i) rigid[6 * k + 3 + i] = place[i];
+    for (int i = 0; i < 3; ++i) rigid[6 * k + 3 + i] = position[i];
   }
   ArapTerm term(model_, 5.0);
   EXPECT_NEAR(support::frozen_rows<GraphModel>(term, model_, rigid).cost(), 0.0, 1e-20);

@@ -128,10 +128,10 @@ TEST(RootRotation, ComesBackFromTheMatrixAndCountsWholeTurns) {
     EXPECT_NEAR(dofs[4], before[4], 1e-9);
     EXPECT_NEAR(dofs[5], before[5], 1e-9);
   }
-  const Eigen::Vector3d place(1.0, 2.0, -3.0);
-  root->set_position(dofs, place);
-  EXPECT_LT((root->position(dofs) - place).norm(), 1e-12);
-  EXPECT_LT((character.skeleton.pose(dofs)[root->joint()].translation() - place).norm(), 1e-12);
+  const Eigen::Vector3d position(1.0, 2.0, -3.0);
+  root->set_position(dofs, position);
+  EXPECT_LT((root->position(dofs) - position).norm(), 1e-12);
+  EXPECT_LT((character.skeleton.pose(dofs)[root->joint()].translation() - position).norm(), 1e-12);
 }
 
 }  // namespace

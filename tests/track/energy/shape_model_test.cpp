@@ -29,7 +29,7 @@ class SeenTube : public ::testing::Test {
  protected:
   SeenTube() {
     for (std::size_t c = 0; c < cameras_.size(); ++c)
-      frame_[c].outline = OutlineField(mask_of(truth_, cameras_[c], dofs_), 200);
+      frame_[c].outline = OutlineField(mask_of(ground_truth_, cameras_[c], dofs_), 200);
     for (int v = 0; v < character_.num_vertices(); v += 3) outline_.push_back({v % 2, v, 0.0});
   }
 
@@ -40,19 +40,19 @@ class SeenTube : public ::testing::Test {
   ShapeModel model_{source_, dofs_};
   std::vector<double> shape_{1.1, 0.9, 1.2};
   std::vector<PinholeCamera> cameras_ = ring_of_cameras(2, 256, middle_of(character_));
-  PoseModel truth_{character_, character_.skeleton.markers, {}};
-  FrameEvidence frame_ = keypoints_of(truth_, cameras_, dofs_);
+  PoseModel ground_truth_{character_, character_.skeleton.markers, {}};
+  FrameEvidence frame_ = keypoints_of(ground_truth_, cameras_, dofs_);
   std::vector<OutlineVertex> outline_;
   RobustKernel kernel_ = RobustKernel::geman_mcclure_of(20.0);
 };
 
 TEST_F(SeenTube, OfTheMeanShapeIsTheCharacterInItsPose) {
   const PosedShape shape = model_.pose(family_.mean(), false);
-  const PosedBody body = truth_.pose(dofs_, false);
+  const PosedBody body = ground_truth_.pose(dofs_, false);
   for (int v = 0; v < character_.num_vertices(); ++v)
-    EXPECT_LT((model_.vertex(shape, v) - truth_.vertex(body, v)).norm(), 1e-12);
+    EXPECT_LT((model_.vertex(shape, v) - ground_truth_.vertex(body, v)).norm(), 1e-12);
   for (int m = 0; m < model_.num_landmarks(); ++m)
-    EXPECT_LT((model_.landmark(shape, m) - truth_.landmark(body, m)).norm(), 1e-12);
+    EXPECT_LT((model_.landmark(shape, m) - ground_truth_.landmark(body, m)).norm(), 1e-12);
 }
 
 TEST_F(SeenTube, JacobiansOfTheTermsAreThoseOfCentralDifferences) {

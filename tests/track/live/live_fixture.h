@@ -64,7 +64,7 @@ class LiveCapture : public TrackCapture {
   }
   cv::Mat image(int frame) const {
     cv::Mat image = wall();
-    image.setTo(cv::Scalar(40, 130, 240), mask_of(model_, cameras_[1], truth(frame)));
+    image.setTo(cv::Scalar(40, 130, 240), mask_of(model_, cameras_[1], ground_truth(frame)));
     return image;
   }
   std::vector<cv::Mat> images() const {

@@ -163,7 +163,7 @@ TEST_F(LiveCapture, LearnsTheEmptySceneFromTheSource) {
   const SourceImage first = *source.next();
   FootageFrame found = seen.preprocess(first);
   seen.detect(first, found);
-  const cv::Mat expected = mask_of(model_, cameras_[1], truth(0));
+  const cv::Mat expected = mask_of(model_, cameras_[1], ground_truth(0));
   EXPECT_LT(cv::countNonZero(found.masks.front() != expected), cv::countNonZero(expected) / 10);
   EXPECT_EQ(found.evidence.front().keypoints.size(), landmarks_.size());
   EXPECT_EQ(found.joints.front().size(), landmarks_.size());

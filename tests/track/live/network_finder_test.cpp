@@ -51,14 +51,14 @@ TEST_F(LiveNetwork, MasksAndKeypointsComeFromTheImages) {
     const SourceImage source{frame, frame, image(frame), Clock::now()};
     FootageFrame found = seen.preprocess(source);
     seen.detect(source, found);
-    const cv::Mat truth = mask_of(model_, cameras_[1], this->truth(frame));
-    const cv::Mat both = found.masks.at(0) & truth, any = found.masks[0] | truth;
+    const cv::Mat ground_truth = mask_of(model_, cameras_[1], this->ground_truth(frame));
+    const cv::Mat both = found.masks.at(0) & ground_truth, any = found.masks[0] | ground_truth;
     EXPECT_GT(cv::countNonZero(both), 0.98 * cv::countNonZero(any)) << frame;
     EXPECT_FALSE(found.evidence.at(0).outline.empty());
     ASSERT_EQ(found.evidence[0].keypoints.size(), landmarks_.size());
     for (const Keypoint& point : found.evidence[0].keypoints) {
       EXPECT_GT(point.confidence, 0.9f);
-      EXPECT_GT(truth.at<std::uint8_t>(static_cast<int>(point.y), static_cast<int>(point.x)), 0);
+      EXPECT_GT(ground_truth.at<std::uint8_t>(static_cast<int>(point.y), static_cast<int>(point.x)), 0);
     }
   }
 }

@@ -85,21 +85,21 @@ TEST_F(LivecapCapture, FiltersTheVertices) {
   }
 }
 
-TEST_F(LivecapCapture, IsComparedWithTheTruth) {
+TEST_F(LivecapCapture, IsComparedWithTheGroundTruth) {
   Motion motion;
   for (int frame = 0; frame < kFrames; ++frame) {
     motion.ids.push_back(frame);
-    motion.frames.push_back(truth(frame));
+    motion.frames.push_back(ground_truth(frame));
   }
-  write_motion(root() / "truth.motion", motion, true);
+  write_motion(root() / "ground_truth.motion", motion, true);
   std::string capture = read_file(root() / "capture.yaml");
-  capture.replace(capture.find("cuts:"), 0, "motion: truth.motion, ");
+  capture.replace(capture.find("cuts:"), 0, "motion: ground_truth.motion, ");
   write_atomically(root() / "capture.yaml", capture);
   const auto write_surfaces = [&](const Eigen::Vector3d& shift) {
     NpyStream file(root() / "ground_truth/walk/vertices.npy", {character_.num_vertices(), 3});
     for (int frame = 0; frame < kFrames; ++frame) {
       std::vector<float> numbers;
-      for (const Eigen::Vector3d& vertex : posed_vertices(model_, model_.pose(truth(frame), false)))
+      for (const Eigen::Vector3d& vertex : posed_vertices(model_, model_.pose(ground_truth(frame), false)))
         for (int axis = 0; axis < 3; ++axis) numbers.push_back(static_cast<float>(vertex[axis] + shift[axis]));
       file.append(numbers);
     }

@@ -99,16 +99,16 @@ TEST(SingleViewStart, ShiftsOntoTheRays) {
 TEST(SingleViewStart, LaysTheRootOnJointsInSpace) {
   const Body body;
   const std::vector<PinholeCamera> cameras = ring_of_cameras(1, 500, middle_of(body.character));
-  std::vector<double> truth = body.character.rest_dofs;
+  std::vector<double> ground_truth = body.character.rest_dofs;
   const RootRotation& root = *body.model.root();
-  root.set_matrix(truth, rotation_of_vector({0.2, 2.0, -0.1}) * root.matrix(truth));
-  const std::vector<Keypoint> seen = keypoints_of(body.model, cameras, truth).front().keypoints;
-  const auto joints = body.scaled(body.points(truth), 1.0);
+  root.set_matrix(ground_truth, rotation_of_vector({0.2, 2.0, -0.1}) * root.matrix(ground_truth));
+  const std::vector<Keypoint> seen = keypoints_of(body.model, cameras, ground_truth).front().keypoints;
+  const auto joints = body.scaled(body.points(ground_truth), 1.0);
   const std::vector<double> rigidity = rigidity_of_landmarks(body.model);
   const auto starts = single_view_starts(body.model, cameras.front(), seen, joints, rigidity, body.character.rest_dofs);
   ASSERT_EQ(starts.size(), 1u);
-  EXPECT_LT((root.matrix(starts[0]) - root.matrix(truth)).norm(), 1e-3);
-  EXPECT_LT((root.position(starts[0]) - root.position(truth)).norm(), 1e-3);
+  EXPECT_LT((root.matrix(starts[0]) - root.matrix(ground_truth)).norm(), 1e-3);
+  EXPECT_LT((root.position(starts[0]) - root.position(ground_truth)).norm(), 1e-3);
   const std::vector<std::optional<Vector3d>> none(joints.size());
   EXPECT_EQ(single_view_starts(body.model, cameras.front(), seen, none, rigidity, body.character.rest_dofs).size(), 4u);
   EXPECT_TRUE(single_view_starts(body.model, cameras.front(), std::vector<Keypoint>(seen.size()), none, rigidity,

@@ -37,7 +37,7 @@ struct Scene {
   RootRotation root = *model.root();
 
   /// Everything sways, and the body turns about the vertical. @param turn radians a frame
-  std::vector<double> truth(int frame, double turn = 0.05) const {
+  std::vector<double> ground_truth(int frame, double turn = 0.05) const {
     std::vector<double> pose = character.rest_dofs;
     for (const int dof : dofs)
       if (!model.moves_root(dof)) pose[dof] += 0.1 * std::sin(0.15 * frame + 1.9 * dof);
@@ -79,29 +79,29 @@ TEST(Livecap, FindsAPoseFromNothingAndFollowsIt) {
   const Scene scene;
   LivecapTracker tracker = scene.tracker();
   for (int frame = 0; frame < 8; ++frame) {
-    const std::vector<double> truth = scene.truth(frame);
-    const FrameResult found = tracker.track(scene.see(truth));
+    const std::vector<double> ground_truth = scene.ground_truth(frame);
+    const FrameResult found = tracker.track(scene.see(ground_truth));
     EXPECT_EQ(found.pose.state, frame == 0 ? FrameState::initialised : FrameState::tracked);
-    EXPECT_LT(scene.joint_error(found.pose.dofs, truth), frame == 0 ? 0.03 : 0.015) << "frame " << frame;
-    EXPECT_LT(scene.surface_error(found.vertices, truth), 0.015) << "frame " << frame;
+    EXPECT_LT(scene.joint_error(found.pose.dofs, ground_truth), frame == 0 ? 0.03 : 0.015) << "frame " << frame;
+    EXPECT_LT(scene.surface_error(found.vertices, ground_truth), 0.015) << "frame " << frame;
     if (frame > 0) {
       EXPECT_LE(found.pose.iterations, 6);
     }
   }
 }
 
-TEST(Livecap, ConvergesToTheTruthWithoutNoiseAndStaysThere) {
+TEST(Livecap, ConvergesToTheGroundTruthWithoutNoiseAndStaysThere) {
   const Scene scene;
-  const std::vector<double> truth = scene.truth(3);
+  const std::vector<double> ground_truth = scene.ground_truth(3);
   LivecapTracker tracker = scene.tracker();
-  tracker.track(scene.see(scene.truth(2)));
-  const LivecapInput seen = scene.see(truth);
+  tracker.track(scene.see(scene.ground_truth(2)));
+  const LivecapInput seen = scene.see(ground_truth);
   for (int frame = 0; frame < 60; ++frame) {
     const FrameResult found = tracker.track(seen);
     if (frame < 4) continue;
     // The prior pulls to the rest pose.
-    EXPECT_LT(scene.joint_error(found.pose.dofs, truth), 0.004) << "frame " << frame;
-    EXPECT_LT(scene.surface_error(found.vertices, truth), 0.003) << "frame " << frame;
+    EXPECT_LT(scene.joint_error(found.pose.dofs, ground_truth), 0.004) << "frame " << frame;
+    EXPECT_LT(scene.surface_error(found.vertices, ground_truth), 0.003) << "frame " << frame;
   }
 }
 
@@ -111,10 +111,11 @@ TEST(Livecap, FollowsAFastTurn) {
   constexpr int kFrames = 20;  // 360 degrees in 20 frames
   FrameResult found;
   for (int frame = 0; frame <= kFrames; ++frame)
-    found = tracker.track(scene.see(scene.truth(frame, 2 * M_PI / kFrames)));
-  for (int frame = 0; frame < 10; ++frame) found = tracker.track(scene.see(scene.truth(kFrames, 2 * M_PI / kFrames)));
+    found = tracker.track(scene.see(scene.ground_truth(frame, 2 * M_PI / kFrames)));
+  for (int frame = 0; frame < 10; ++frame)
+    found = tracker.track(scene.see(scene.ground_truth(kFrames, 2 * M_PI / kFrames)));
   EXPECT_TRUE(found.pose.found());
-  EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(kFrames, 2 * M_PI / kFrames)), 0.01);
+  EXPECT_LT(scene.joint_error(found.pose.dofs, scene.ground_truth(kFrames, 2 * M_PI / kFrames)), 0.01);
 }
 
 /// What a poor detector sees: of ten points 30 % are missing and 5 % far off.
@@ -141,21 +142,21 @@ TEST(Livecap, StandsMissingPointsAndOutliers) {
     test_character::Noise noise(seed);
     bool lost = false;
     for (int frame = 0; frame < 40; ++frame) {
-      const LivecapInput exact = scene.see(scene.truth(frame));
+      const LivecapInput exact = scene.see(scene.ground_truth(frame));
       const FrameResult found = tracker.track(frame == 0 ? exact : with_poor_detections(exact, noise));
       EXPECT_TRUE(found.vertices.allFinite());
       for (const double value : found.pose.dofs) EXPECT_TRUE(std::isfinite(value));
       if (found.pose.found()) {
-        EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(frame)), 0.04)
+        EXPECT_LT(scene.joint_error(found.pose.dofs, scene.ground_truth(frame)), 0.04)
             << "seed " << seed << " frame " << frame;
         EXPECT_EQ(found.pose.state == FrameState::recovered, lost) << "seed " << seed << " frame " << frame;
       }
       lost = !found.pose.found();
       lost_frames += lost;
     }
-    const FrameResult found = tracker.track(scene.see(scene.truth(40)));
+    const FrameResult found = tracker.track(scene.see(scene.ground_truth(40)));
     EXPECT_TRUE(found.pose.found());
-    EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(40)), 0.03);
+    EXPECT_LT(scene.joint_error(found.pose.dofs, scene.ground_truth(40)), 0.03);
   }
   EXPECT_LE(lost_frames, 18) << "in one frame of twenty too few points are left";
 }
@@ -169,7 +170,7 @@ TEST(Livecap, AnArmThatWasHiddenIsFoundAgain) {
   }());
   FrameResult found;
   for (int frame = 0; frame < 30; ++frame) {
-    LivecapInput input = scene.see(scene.truth(frame));
+    LivecapInput input = scene.see(scene.ground_truth(frame));
     for (std::size_t m = 6; m < 10 && frame >= 5 && frame < 20; ++m) {  // the last two segments
       input.view.keypoints[m] = {};
       input.joints[m].reset();
@@ -177,7 +178,7 @@ TEST(Livecap, AnArmThatWasHiddenIsFoundAgain) {
     found = tracker.track(input);
     EXPECT_TRUE(found.pose.found()) << "frame " << frame;
   }
-  EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(29)), 0.015) << "ten frames after it came back";
+  EXPECT_LT(scene.joint_error(found.pose.dofs, scene.ground_truth(29)), 0.015) << "ten frames after it came back";
 }
 
 TEST(Livecap, AMaskOfSomethingElseDoesNotThrowItOff) {
@@ -187,31 +188,31 @@ TEST(Livecap, AMaskOfSomethingElseDoesNotThrowItOff) {
   wrong(cv::Rect(10, 20, 200, 500)).setTo(255);
   FrameResult found;
   for (int frame = 0; frame < 24; ++frame) {
-    LivecapInput input = scene.see(scene.truth(frame));
+    LivecapInput input = scene.see(scene.ground_truth(frame));
     if (frame >= 4 && frame < 12) input.view.outline = OutlineField(frame % 2 ? wrong : cv::Mat(~wrong), kWindow);
     found = tracker.track(input);
     EXPECT_TRUE(found.vertices.allFinite()) << "frame " << frame;
     for (const double value : found.pose.dofs) EXPECT_TRUE(std::isfinite(value));
   }
   EXPECT_TRUE(found.pose.found());
-  EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(23)), 0.015);
-  EXPECT_LT(scene.surface_error(found.vertices, scene.truth(23)), 0.015);
+  EXPECT_LT(scene.joint_error(found.pose.dofs, scene.ground_truth(23)), 0.015);
+  EXPECT_LT(scene.surface_error(found.vertices, scene.ground_truth(23)), 0.015);
 }
 
 TEST(Livecap, AfterAPauseThePersonIsRecovered) {
   const Scene scene;
   LivecapTracker tracker = scene.tracker();
-  for (int frame = 0; frame < 3; ++frame) tracker.track(scene.see(scene.truth(frame)));
+  for (int frame = 0; frame < 3; ++frame) tracker.track(scene.see(scene.ground_truth(frame)));
   tracker.pause();
-  const FrameResult found = tracker.track(scene.see(scene.truth(40)));
+  const FrameResult found = tracker.track(scene.see(scene.ground_truth(40)));
   EXPECT_EQ(found.pose.state, FrameState::recovered);
-  EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(40)), 0.03);
+  EXPECT_LT(scene.joint_error(found.pose.dofs, scene.ground_truth(40)), 0.03);
 }
 
 TEST(Livecap, LosesWhoeverLeavesAndFindsThemAgain) {
   const Scene scene;
   LivecapTracker tracker = scene.tracker();
-  for (int frame = 0; frame < 4; ++frame) tracker.track(scene.see(scene.truth(frame)));
+  for (int frame = 0; frame < 4; ++frame) tracker.track(scene.see(scene.ground_truth(frame)));
   LivecapInput nobody;
   nobody.view.keypoints.resize(scene.landmarks.size());
   nobody.image = cv::Mat::zeros(scene.camera.height, scene.camera.width, CV_8UC3);
@@ -219,12 +220,12 @@ TEST(Livecap, LosesWhoeverLeavesAndFindsThemAgain) {
     const FrameResult found = tracker.track(nobody);
     EXPECT_EQ(found.pose.state, FrameState::lost);
     EXPECT_TRUE(found.vertices.allFinite());
-    EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(3)), 0.02) << "the last pose that was found";
+    EXPECT_LT(scene.joint_error(found.pose.dofs, scene.ground_truth(3)), 0.02) << "the last pose that was found";
   }
-  const FrameResult again = tracker.track(scene.see(scene.truth(30)));
+  const FrameResult again = tracker.track(scene.see(scene.ground_truth(30)));
   EXPECT_EQ(again.pose.state, FrameState::recovered);
-  EXPECT_LT(scene.joint_error(again.pose.dofs, scene.truth(30)), 0.03);
-  EXPECT_EQ(tracker.track(scene.see(scene.truth(31))).pose.state, FrameState::tracked);
+  EXPECT_LT(scene.joint_error(again.pose.dofs, scene.ground_truth(30)), 0.03);
+  EXPECT_EQ(tracker.track(scene.see(scene.ground_truth(31))).pose.state, FrameState::tracked);
 }
 
 TEST(Livecap, WorksWithoutJointsInSpace) {
@@ -232,7 +233,7 @@ TEST(Livecap, WorksWithoutJointsInSpace) {
   LivecapTracker tracker = scene.tracker();
   FrameResult found;
   for (int frame = 0; frame < 6; ++frame) {
-    LivecapInput input = scene.see(scene.truth(frame));
+    LivecapInput input = scene.see(scene.ground_truth(frame));
     input.joints.clear();
     found = tracker.track(input);
     EXPECT_TRUE(found.pose.found()) << "frame " << frame;
@@ -247,10 +248,10 @@ TEST(Livecap, WorksWithoutTheTermOfKeypoints) {
   options.keypoint_weight = 0.0;
   LivecapTracker tracker = scene.tracker(options);
   for (int frame = 0; frame < 6; ++frame) {
-    const std::vector<double> truth = scene.truth(frame);
-    const FrameResult found = tracker.track(scene.see(truth));
+    const std::vector<double> ground_truth = scene.ground_truth(frame);
+    const FrameResult found = tracker.track(scene.see(ground_truth));
     EXPECT_TRUE(found.pose.found()) << "frame " << frame;
-    EXPECT_LT(scene.joint_error(found.pose.dofs, truth), 0.04) << "frame " << frame;
+    EXPECT_LT(scene.joint_error(found.pose.dofs, ground_truth), 0.04) << "frame " << frame;
     for (const TermCost& term : found.pose.terms) EXPECT_NE(term.name, "keypoints");
   }
 }
@@ -262,8 +263,8 @@ TEST(Livecap, TermsOfWeightZeroAreOff) {
   options.prior_weight = options.steady_weight = 0.0;
   options.surface = false;
   LivecapTracker tracker = scene.tracker(options);
-  tracker.track(scene.see(scene.truth(0)));
-  const FrameResult found = tracker.track(scene.see(scene.truth(1)));
+  tracker.track(scene.see(scene.ground_truth(0)));
+  const FrameResult found = tracker.track(scene.see(scene.ground_truth(1)));
   ASSERT_EQ(found.pose.terms.size(), 1u);
   EXPECT_EQ(found.pose.terms[0].name, "keypoints");
   EXPECT_TRUE(found.surface_terms.empty());

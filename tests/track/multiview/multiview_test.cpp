@@ -25,7 +25,7 @@ class Multiview : public ::testing::Test {
         cameras_(ring_of_cameras(4, 256, middle_of(character_))),
         model_(character_, landmarks_, dofs_) {}
 
-  std::vector<double> truth(int frame) const {
+  std::vector<double> ground_truth(int frame) const {
     std::vector<double> dofs = character_.rest_dofs;
     for (const int dof : dofs_)
       if (!model_.moves_root(dof)) dofs[dof] += 0.15 * std::sin(0.3 * frame + 1.3 * static_cast<double>(dof));
@@ -35,15 +35,15 @@ class Multiview : public ::testing::Test {
   }
 
   FrameEvidence seen(int frame, bool masks = false) const {
-    FrameEvidence evidence = keypoints_of(model_, cameras_, truth(frame));
+    FrameEvidence evidence = keypoints_of(model_, cameras_, ground_truth(frame));
     for (std::size_t c = 0; masks && c < cameras_.size(); ++c)
-      evidence[c].outline = OutlineField(mask_of(model_, cameras_[c], truth(frame)), 128);
+      evidence[c].outline = OutlineField(mask_of(model_, cameras_[c], ground_truth(frame)), 128);
     return evidence;
   }
 
-  /// Root mean square distance of the landmarks from the truth, metres.
+  /// Root mean square distance of the landmarks from the ground truth, metres.
   double error(const TrackedFrame& found, int frame) const {
-    const PosedBody a = model_.pose(found.dofs, false), b = model_.pose(truth(frame), false);
+    const PosedBody a = model_.pose(found.dofs, false), b = model_.pose(ground_truth(frame), false);
     double sum = 0.0;
     for (int m = 0; m < model_.num_landmarks(); ++m)
       sum += (model_.landmark(a, m) - model_.landmark(b, m)).squaredNorm();
@@ -134,7 +134,7 @@ TEST_F(Multiview, MasksSeeWhatLandmarksDoNot) {
       FrameEvidence evidence = seen(frame, true);
       for (ViewEvidence& view : evidence) view.keypoints.resize(few.size());
       const PosedBody found = model_.pose(tracked.track(evidence).dofs, false);
-      const PosedBody expected = model_.pose(truth(frame), false);
+      const PosedBody expected = model_.pose(ground_truth(frame), false);
       sum += (model_.vertex(found, tip) - model_.vertex(expected, tip)).norm();
     }
     return sum / 6.0;
@@ -160,7 +160,7 @@ TEST_F(Multiview, TriangulatesAgainstAMinorityOfOutliers) {
   const auto found = triangulate(cameras_, evidence, 1);
   ASSERT_TRUE(found);
   EXPECT_EQ(found->views, 3);
-  EXPECT_LT((found->position - model_.landmark(model_.pose(truth(5), false), 1)).norm(), 1e-4);
+  EXPECT_LT((found->position - model_.landmark(model_.pose(ground_truth(5), false), 1)).norm(), 1e-4);
   for (std::size_t c = 1; c < 4; ++c) evidence[c].keypoints[1].confidence = 0.1f;
   EXPECT_FALSE(triangulate(cameras_, evidence, 1)) << "one ray is not enough";
 }

@@ -25,7 +25,7 @@ class OtherPerson : public ::testing::Test {
     character_.skeleton.markers = tube_landmarks(kSegments);
     names_ = landmark_names(character_.skeleton.markers);
     family_.emplace(character_);
-    person_ = family_->character(truth_);
+    person_ = family_->character(ground_truth_);
     cameras_ = ring_of_cameras(4, 256, middle_of(person_));
   }
 
@@ -45,7 +45,7 @@ class OtherPerson : public ::testing::Test {
   Character character_, person_;
   std::vector<std::string> names_;
   std::optional<BoneScales> family_;
-  const std::vector<double> truth_{1.25, 0.8, 1.1};
+  const std::vector<double> ground_truth_{1.25, 0.8, 1.1};
   std::vector<PinholeCamera> cameras_;
 };
 
@@ -53,14 +53,14 @@ TEST_F(OtherPerson, HasHisLengthsByKeypoints) {
   ShapeFitOptions options;
   options.rounds = 1;
   const auto found = fit_shape(*family_, names_, cameras_, frames(false), family_->mean(), options);
-  for (std::size_t p = 0; p < truth_.size(); ++p) EXPECT_NEAR(found[p], truth_[p], 0.005) << p;
+  for (std::size_t p = 0; p < ground_truth_.size(); ++p) EXPECT_NEAR(found[p], ground_truth_[p], 0.005) << p;
 }
 
 TEST_F(OtherPerson, HasHisLengthsByOutlinesAsWell) {
   ShapeFitOptions options;
   options.prior_weight = 0.5;  // this person is far from the usual lengths
   const auto found = fit_shape(*family_, names_, cameras_, frames(true), family_->mean(), options);
-  for (std::size_t p = 0; p < truth_.size(); ++p) EXPECT_NEAR(found[p], truth_[p], 0.01) << p;
+  for (std::size_t p = 0; p < ground_truth_.size(); ++p) EXPECT_NEAR(found[p], ground_truth_[p], 0.01) << p;
 }
 
 TEST_F(OtherPerson, PairsOnOneBoneAreSteadyAndPairsAcrossAJointAreNot) {
@@ -84,13 +84,14 @@ TEST_F(OtherPerson, TheFirstShapeComesFromDistancesInSpace) {
     seen.push_back(std::move(landmarks));
   }
   const auto first = shape_from_landmarks(*family_, names_, seen);
-  for (std::size_t p = 0; p < truth_.size(); ++p)
-    EXPECT_NEAR(first[p], truth_[p], 0.35 * std::abs(truth_[p] - 1.0)) << p;
+  for (std::size_t p = 0; p < ground_truth_.size(); ++p)
+    EXPECT_NEAR(first[p], ground_truth_[p], 0.35 * std::abs(ground_truth_[p] - 1.0)) << p;
   EXPECT_THAT(shape_from_landmarks(*family_, names_, {}), Each(::testing::DoubleNear(1.0, 1e-12)));
 }
 
 TEST_F(OtherPerson, NoFrameIsAnError) {
-  const auto message = support::message_of<Error>([&] { fit_shape(*family_, names_, cameras_, {}, truth_, {}); });
+  const auto message =
+      support::message_of<Error>([&] { fit_shape(*family_, names_, cameras_, {}, ground_truth_, {}); });
   EXPECT_THAT(message, ::testing::HasSubstr("no frame to fit the shape to"));
 }
 

@@ -30,7 +30,7 @@ class BentWrist : public ::testing::Test {
   int dof(const std::string& name) const { return find_dofs(character_.skeleton, name).at(0); }
 
   /// @param swing of the wrist about its usual bend, radians
-  std::vector<double> truth(int frame, double swing = 0.0) const {
+  std::vector<double> ground_truth(int frame, double swing = 0.0) const {
     std::vector<double> dofs = character_.rest_dofs;
     for (const int d : observable_dofs(character_.skeleton, landmarks_))
       if (!model_.moves_root(d)) dofs[d] += 0.15 * std::sin(0.9 * frame + 1.3 * static_cast<double>(d));
@@ -49,7 +49,7 @@ class BentWrist : public ::testing::Test {
 
   std::vector<PosedEvidence> frames() const {
     std::vector<PosedEvidence> result;
-    for (int frame = 0; frame < kFrames; ++frame) result.push_back({seen(truth(frame)), truth(frame)});
+    for (int frame = 0; frame < kFrames; ++frame) result.push_back({seen(ground_truth(frame)), ground_truth(frame)});
     return result;
   }
 
@@ -57,7 +57,7 @@ class BentWrist : public ::testing::Test {
     return fit_shared_dofs(character_, landmarks_, cameras_, wrist_, frames, MultiviewOptions());
   }
 
-  /// Mean distance of the far end from the truth while the wrist swings, metres.
+  /// Mean distance of the far end from the ground truth while the wrist swings, metres.
   double tip_error(const std::vector<int>& dofs, const SharedDofs& shared) const {
     MultiviewOptions options;
     options.shared_dofs = shared;
@@ -65,8 +65,8 @@ class BentWrist : public ::testing::Test {
     const int tip = character_.num_vertices() - 1;
     double sum = 0.0;
     for (int frame = 0; frame < kFrames; ++frame) {
-      const PosedBody is = model_.pose(tracker.track(seen(truth(frame, 0.2))).dofs, false);
-      sum += (model_.vertex(is, tip) - model_.vertex(model_.pose(truth(frame, 0.2), false), tip)).norm();
+      const PosedBody is = model_.pose(tracker.track(seen(ground_truth(frame, 0.2))).dofs, false);
+      sum += (model_.vertex(is, tip) - model_.vertex(model_.pose(ground_truth(frame, 0.2), false), tip)).norm();
     }
     return sum / kFrames;
   }

@@ -55,9 +55,9 @@ BodyModel* FilmedStranger::model_ = nullptr;
 
 TEST_F(FilmedStranger, BecomesACharacterOfHisLengthsAndShape) {
   const FittedCharacter fitted = fit_character(family_, *footage(), few_frames());
-  const std::vector<double> truth = random_measures(kPerson);
+  const std::vector<double> ground_truth = random_measures(kPerson);
   for (const char* name : {"thigh_length", "shin_length", "upper_arm_length", "forearm_length", "shoulder_breadth"})
-    EXPECT_NEAR(fitted.parameters[measure_index(name)], truth[measure_index(name)], 0.03) << name;
+    EXPECT_NEAR(fitted.parameters[measure_index(name)], ground_truth[measure_index(name)], 0.03) << name;
   RecordProperty("keypoint_error_px", std::to_string(fitted.poses.keypoint_error));
   RecordProperty("overlap_of_measures", std::to_string(fitted.measured_overlap));
   RecordProperty("overlap", std::to_string(fitted.poses.overlap));

@@ -2,7 +2,7 @@
 
 #include <gmock/gmock.h>
 
-#include "doppel/character/landmark_places.h"
+#include "doppel/character/landmark_positions.h"
 #include "doppel/core/error.h"
 #include "doppel/track/track_capture.h"
 #include "support/message_of.h"
@@ -41,12 +41,12 @@ TEST_F(OtherDetector, LandmarksMoveToWhereTheDetectorSeesThem) {
   for (std::size_t m = 0; m < placed.size(); ++m) EXPECT_EQ(placed[m].joint, landmarks_[m].joint);
 
   write_landmarks(root() / "placed.csv", character_, placed);
-  const auto with_places = Footage::open_with_landmarks(root() / "placed.csv", root(), kPixels);
-  EXPECT_EQ(with_places->capture().landmarks, (root() / "placed.csv").string());
+  const auto with_positions = Footage::open_with_landmarks(root() / "placed.csv", root(), kPixels);
+  EXPECT_EQ(with_positions->capture().landmarks, (root() / "placed.csv").string());
   TrackOptions options;
   options.out = root() / "out";
   const double before = track_capture(*footage, options).sequences[0].keypoint_error();
-  const double after = track_capture(*with_places, options).sequences[0].keypoint_error();
+  const double after = track_capture(*with_positions, options).sequences[0].keypoint_error();
   EXPECT_LT(after, 0.5 * before);
 }
 
@@ -57,8 +57,8 @@ TEST_F(OtherDetector, APreparedFolderIsRefused) {
   EXPECT_THAT(message, ::testing::HasSubstr("give the capture itself"));
 }
 
-TEST_F(OtherDetector, AFamilyOfPlacesShiftsMarkers) {
-  const LandmarkPlaces family(with_markers(character_, landmarks_), {landmarks_[1].name});
+TEST_F(OtherDetector, AFamilyOfPositionsShiftsMarkers) {
+  const LandmarkPositions family(with_markers(character_, landmarks_), {landmarks_[1].name});
   ASSERT_EQ(family.num_parameters(), 3);
   const Character same = family.character(family.mean());
   const Character moved = family.character(std::vector<double>{0.01, 0.0, -0.02});
@@ -69,7 +69,7 @@ TEST_F(OtherDetector, AFamilyOfPlacesShiftsMarkers) {
   EXPECT_LT((at(moved) - landmarks_[1].position - Eigen::Vector3d(0.01, 0.0, -0.02)).norm(), 1e-12);
   EXPECT_EQ(moved.mesh.vertices, character_.mesh.vertices);
   EXPECT_THROW(family.character(std::vector<double>{0.0}), UsageError);
-  EXPECT_THAT(support::message_of<Error>([&] { LandmarkPlaces(character_, {"tail"}); }),
+  EXPECT_THAT(support::message_of<Error>([&] { LandmarkPositions(character_, {"tail"}); }),
               ::testing::HasSubstr("no marker tail"));
 }
 

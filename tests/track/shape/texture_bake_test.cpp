@@ -62,7 +62,7 @@ cv::Mat photograph(const PinholeCamera& camera, double gain) {
 
 class BakedCylinder : public ::testing::Test {
  protected:
-  /// Mean difference of texels from the truth at angles within the range, grey levels.
+  /// Mean difference of texels from the ground truth at angles within the range, grey levels.
   double error(const cv::Mat& texture, double first_angle, double last_angle) const {
     double sum = 0;
     int count = 0;

@@ -28,7 +28,7 @@ struct Bulge {
   std::vector<double> dofs = bent_pose(character, 0.02);
   PosedSurface posed;
   PinholeCamera camera;
-  Eigen::Matrix3Xd truth;
+  Eigen::Matrix3Xd ground_truth;
   cv::Mat mask, image;
   OutlineField outline;
 
@@ -36,10 +36,10 @@ struct Bulge {
     for (Vector3d& vertex : character.mesh.vertices) character.mesh.colours.push_back(colour_at(vertex));
     posed = pose_surface(model, model.pose(dofs, false), character.mesh.vertices);
     camera = ring_of_cameras(1, 600, middle_of(character)).front();
-    truth = posed.vertices;
-    const Vector3d middle = truth.rowwise().mean();
-    for (Eigen::Index i = 0; i < truth.cols(); ++i)
-      truth.col(i) += 0.03 * std::exp(-40.0 * std::pow(truth(1, i) - middle.y(), 2)) * posed.normals[i];
+    ground_truth = posed.vertices;
+    const Vector3d middle = ground_truth.rowwise().mean();
+    for (Eigen::Index i = 0; i < ground_truth.cols(); ++i)
+      ground_truth.col(i) += 0.03 * std::exp(-40.0 * std::pow(ground_truth(1, i) - middle.y(), 2)) * posed.normals[i];
     draw();
     outline = OutlineField(mask, 256);
   }
@@ -52,13 +52,13 @@ struct Bulge {
     image = cv::Mat(camera.height, camera.width, CV_8UC3, cv::Scalar(20, 20, 20));
     std::vector<std::pair<double, const Triangle*>> order;
     for (const Triangle& face : character.mesh.faces)
-      order.emplace_back(-camera.camera_from_world(truth.col(face[0])).z(), &face);
+      order.emplace_back(-camera.camera_from_world(ground_truth.col(face[0])).z(), &face);
     std::sort(order.begin(), order.end());
     for (const auto& [depth, face] : order) {
       std::vector<cv::Point> corners;
       Vector3d colour = Vector3d::Zero();
       for (const int vertex : *face) {
-        const Eigen::Vector2d pixel = camera.project(truth.col(vertex));
+        const Eigen::Vector2d pixel = camera.project(ground_truth.col(vertex));
         corners.emplace_back(cvRound(256.0 * (pixel.x() - 0.5)), cvRound(256.0 * (pixel.y() - 0.5)));
         colour += 255.0 / 3.0 * character.mesh.colours[vertex];
       }
@@ -66,14 +66,14 @@ struct Bulge {
       cv::fillConvexPoly(image, corners, cv::Scalar(colour.z(), colour.y(), colour.x()), cv::LINE_8, 8);
     }
   }
-  /// Mean distance to the truth of vertices on the outline, across the line of sight, metres.
+  /// Mean distance to the ground truth of vertices on the outline, across the line of sight, metres.
   double error(const Eigen::Matrix3Xd& vertices) const {
     double sum = 0.0;
     int count = 0;
-    for (Eigen::Index i = 0; i < truth.cols(); ++i) {
-      const Vector3d to_camera = (camera.centre() - truth.col(i)).normalized();
+    for (Eigen::Index i = 0; i < ground_truth.cols(); ++i) {
+      const Vector3d to_camera = (camera.centre() - ground_truth.col(i)).normalized();
       if (std::abs(to_camera.dot(posed.normals[i])) > 0.25) continue;
-      const Vector3d way = vertices.col(i) - truth.col(i);
+      const Vector3d way = vertices.col(i) - ground_truth.col(i);
       sum += std::abs(way.dot(posed.normals[i]));
       ++count;
     }

@@ -89,7 +89,7 @@ TEST(LengthTerm, AnEdgeWithoutLengthIsFinite) {
   EXPECT_TRUE(rows.jacobian.isZero());
 }
 
-TEST(TargetTerm, IsTheWayToThePlace) {
+TEST(TargetTerm, IsTheWayToThePosition) {
   const Patch patch;
   const Eigen::Matrix3Xd moved = shaken(patch.rest, 0.01);
   const int count = static_cast<int>(patch.rest.cols());

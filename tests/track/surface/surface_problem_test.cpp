@@ -14,7 +14,7 @@
 namespace doppel::surface_problem_test {
 namespace {
 
-/// A shaken patch that is pulled back to the rest pose by edges and to other places by its vertices.
+/// A shaken patch that is pulled back to the rest pose by edges and to other positions by its vertices.
 struct Pull {
   explicit Pull(int side) : mesh(support::bumpy_patch(side)), topology(mesh) {
     for (const auto& [a, b] : topology.edges()) lengths.push_back((rest.col(a) - rest.col(b)).norm());

@@ -59,7 +59,7 @@ WordedPath worded(const std::string& path, const Keys& keys) {
 }
 
 /// Where the camera stands in the paths of a set: in which part, and as which of the cameras in it.
-struct Place {
+struct Position {
   std::size_t part = 0;
   bool last = true;
 
@@ -69,21 +69,21 @@ struct Place {
   }
 };
 
-/// Whether a place names the same camera as another in all paths that have the other.
-bool agrees(const Place& place, const Place& other, const std::vector<WordedPath>& paths) {
+/// Whether a position names the same camera as another in all paths that have the other.
+bool agrees(const Position& position, const Position& other, const std::vector<WordedPath>& paths) {
   return std::all_of(paths.begin(), paths.end(), [&](const WordedPath& path) {
-    const auto wanted = other.in(path), found = place.in(path);
+    const auto wanted = other.in(path), found = position.in(path);
     return !wanted || (found && found->camera == wanted->camera);
   });
 }
 
-/// The words of a path in which the cameras at some places are replaced by "#".
-std::string without_cameras(const WordedPath& path, const std::vector<Place>& places) {
+/// The words of a path in which the cameras at some positions are replaced by "#".
+std::string without_cameras(const WordedPath& path, const std::vector<Position>& positions) {
   std::string text;
   for (std::size_t part = path.size(); part-- > 0;) {
     std::vector<NameWord> words = path[part].words;
-    for (const Place& place : places)
-      if (const auto found = place.part == part ? place.in(path) : std::nullopt)
+    for (const Position& position : positions)
+      if (const auto found = position.part == part ? position.in(path) : std::nullopt)
         for (std::size_t i = found->begin; i < found->end; ++i) words[i] = {i == found->begin ? "#" : "", false};
     for (const NameWord& word : words)
       if (!word.text.empty()) text += word.text + " ";
@@ -92,13 +92,14 @@ std::string without_cameras(const WordedPath& path, const std::vector<Place>& pl
   return text;
 }
 
-CameraMatch match_at(const Place& place, const std::vector<Place>& places, const std::vector<WordedPath>& paths) {
-  std::vector<Place> same;
-  std::copy_if(places.begin(), places.end(), std::back_inserter(same),
-               [&](const Place& other) { return agrees(other, place, paths); });
+CameraMatch match_at(const Position& position, const std::vector<Position>& positions,
+                     const std::vector<WordedPath>& paths) {
+  std::vector<Position> same;
+  std::copy_if(positions.begin(), positions.end(), std::back_inserter(same),
+               [&](const Position& other) { return agrees(other, position, paths); });
   CameraMatch match;
   for (const WordedPath& path : paths) {
-    const auto found = place.in(path);
+    const auto found = position.in(path);
     match.camera.push_back(found ? std::optional(found->camera) : std::nullopt);
     match.sequence.push_back(without_cameras(path, same));
   }
@@ -107,16 +108,16 @@ CameraMatch match_at(const Place& place, const std::vector<Place>& places, const
 
 CameraMatch match_by_keys(const std::vector<std::string>& paths, const Keys& keys, CameraMatch::Way way) {
   std::vector<WordedPath> all;
-  std::vector<Place> places;
+  std::vector<Position> positions;
   for (const std::string& path : paths) {
     all.push_back(worded(path, keys));
-    for (std::size_t part = places.size() / 2; part < all.back().size(); ++part)
-      for (const bool last : {true, false}) places.push_back({part, last});
+    for (std::size_t part = positions.size() / 2; part < all.back().size(); ++part)
+      for (const bool last : {true, false}) positions.push_back({part, last});
   }
   CameraMatch best;
   std::pair<int, int> most{0, 0};
-  for (const Place& place : places) {
-    CameraMatch match = match_at(place, places, all);
+  for (const Position& position : positions) {
+    CameraMatch match = match_at(position, positions, all);
     const std::pair<int, int> found{match.largest_sequence(), match.num_matched()};
     if (found <= most) continue;
     most = found;

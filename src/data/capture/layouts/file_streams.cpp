@@ -16,7 +16,7 @@ namespace doppel {
 
 namespace {
 
-constexpr std::size_t kMostDigits = 18;  // of a frame number
+constexpr std::size_t kMaxFrameDigits = 18;  // of a frame number
 
 std::string lowered_extension(const std::string& path) {
   const std::size_t dot = path.rfind('.'), slash = path.rfind('/');
@@ -63,7 +63,7 @@ std::size_t frame_column(const std::vector<const CutPath*>& files) {
     std::set<std::string> values;
     for (const CutPath* file : files) values.insert(file->digits[column]);
     const bool usable =
-        std::all_of(values.begin(), values.end(), [](const auto& v) { return v.size() <= kMostDigits; });
+        std::all_of(values.begin(), values.end(), [](const auto& v) { return v.size() <= kMaxFrameDigits; });
     if (!usable || values.size() < 2 || values.size() < most) continue;
     most = values.size();
     best = column + 1;
@@ -81,7 +81,7 @@ FileStream single_file(const std::string& path) {
 /// The stream of files that differ in the digits of one column alone.
 FileStream frames_stream(const std::vector<const CutPath*>& files, std::size_t column) {
   const auto number = [&](const CutPath* file) { return std::strtol(file->digits[column].c_str(), nullptr, 10); };
-  std::size_t shortest = kMostDigits, longest = 0;
+  std::size_t shortest = kMaxFrameDigits, longest = 0;
   for (const CutPath* file : files) {
     shortest = std::min(shortest, file->digits[column].size());
     longest = std::max(longest, file->digits[column].size());

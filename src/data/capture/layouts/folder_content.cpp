@@ -20,8 +20,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr long kFilesTried = 20;             // files of a stream that are searched for a person
-constexpr long kMostCalibrationFiles = 100;  // RealityCapture writes a file per camera; longer streams are frames
+constexpr long kFilesTried = 20;            // files of a stream that are searched for a person
+constexpr long kMaxCalibrationFiles = 100;  // RealityCapture writes a file per camera; longer streams are frames
 
 /// Reads the files step by step.
 class FolderReader {
@@ -47,7 +47,7 @@ class FolderReader {
     for (const std::string& folder : folders) try_calibration(folder);
     std::set<std::string> frames;  // folders
     for (const FileStream& stream : streams_)
-      if (stream.per_frame && stream.files > kMostCalibrationFiles) frames.insert(folder_of(stream.path));
+      if (stream.per_frame && stream.files > kMaxCalibrationFiles) frames.insert(folder_of(stream.path));
     for (const std::string& file : content_.files) {
       const FileKind kind = kind_of_file(file);
       const bool is_frame = kind == FileKind::json && frames.count(folder_of(file)) > 0;

@@ -12,7 +12,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr int kDepth = 6;
-constexpr std::size_t kMostFiles = 500'000;
+constexpr std::size_t kMaxFiles = 500'000;
 
 }  // namespace
 
@@ -44,8 +44,8 @@ void FolderListing::enter(const std::string& folder, int depth, std::set<fs::pat
   const std::string prefix = folder.empty() ? "" : folder + "/";
   for (const std::string& name : at(folder).files)
     if (name.front() != '.') files_.push_back(prefix + name);
-  if (files_.size() > kMostFiles)
-    fail("{} holds more than {} files; name the folder of one capture", root_.string(), kMostFiles);
+  if (files_.size() > kMaxFiles)
+    fail("{} holds more than {} files; name the folder of one capture", root_.string(), kMaxFiles);
   for (const std::string& name : at(folder).folders)
     if (depth > 0 && name.front() != '.' && !fs::exists(full(prefix + name + "/capture.yaml"), error))
       enter(prefix + name, depth - 1, seen);

@@ -15,7 +15,7 @@ namespace doppel {
 
 namespace {
 
-constexpr double kLargestDrift = 0.5;  // frames; more at the end of a video needs a rate of its own
+constexpr double kMaxDrift = 0.5;  // frames; more at the end of a video needs a rate of its own
 constexpr std::size_t kShownFiles = 3;
 constexpr double kSameCentre = 0.01;  ///< metres between two calibrations of one camera
 
@@ -25,7 +25,7 @@ std::string some_of(const std::vector<std::string>& paths) {
                      paths.size() > shown ? fmt::format(" and {} more", paths.size() - shown) : "");
 }
 
-/// The largest distance between cameras of the same place in two lists; nothing if the lists differ in length.
+/// The largest distance between cameras of the same position in two lists; nothing if the lists differ in length.
 std::optional<double> largest_distance(const std::vector<Camera>& a, const std::vector<Camera>& b) {
   if (a.size() != b.size()) return std::nullopt;
   double largest = 0.0;
@@ -168,7 +168,7 @@ class Guesser {
         : *apart <= kSameCentre
             ? fmt::format("has the same cameras within {:.1f} mm; it is not used", 1e3 * *apart)
             : fmt::format(
-                  "has the same number of cameras in other places, up to {:.3g} m apart; it is not used. If it "
+                  "has the same number of cameras in other positions, up to {:.3g} m apart; it is not used. If it "
                   "is the right one, name it as `calibration`",
                   *apart);
     found("calibration: {} ({}, {} cameras) {}", path, calibration.format, calibration.cameras.size(), why);
@@ -285,7 +285,7 @@ class Guesser {
     for (const auto& [camera, rate] : rates) {
       const auto& [fps, frames] = rate;
       const double drift = std::abs(fps / usual->first - 1.0) * static_cast<double>(frames);
-      if (drift < kLargestDrift) continue;
+      if (drift < kMaxDrift) continue;
       const std::string& name = names_[camera];
       guess_.capture.camera_fps[name] = fps;
       found("fps: the video of {} says {:.6g}, {:.1f} frames off at its end, so `camera_fps` names it", name, fps,

@@ -84,10 +84,10 @@ std::string normalised_name(std::string_view name) {
 }
 
 std::string usable_name(std::string text, const std::string& fallback) {
-  constexpr std::size_t kMostLetters = 64;
+  constexpr std::size_t kMaxLetters = 64;
   for (char& c : text)
     if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '-' && c != '.') c = '_';
-  return text.empty() ? fallback : text.substr(0, kMostLetters);
+  return text.empty() ? fallback : text.substr(0, kMaxLetters);
 }
 
 std::vector<std::string> path_parts(std::string_view path) {

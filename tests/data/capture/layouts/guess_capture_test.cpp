@@ -184,7 +184,7 @@ TEST(CaptureGuess, ShorterByThePaddingOfAnEncoder) {
   EXPECT_TRUE(is_without_padding(camera, {1920, 1080}));
   const Camera cut = fit_to_images(camera, {1920, 1080}, "a.mp4");
   EXPECT_EQ(cut.height, 1080);
-  EXPECT_EQ(cut.K, camera.K) << "pixels keep their places";
+  EXPECT_EQ(cut.K, camera.K) << "pixels keep their positions";
   EXPECT_FALSE(is_without_padding(camera, {1920, 1072})) << "a whole block is no padding";
   EXPECT_FALSE(is_without_padding(camera, {1906, 1080})) << "both sides are shorter: scaled";
   camera.height = 1084;
@@ -203,7 +203,7 @@ TEST(CaptureGuess, SaysWhatIsMissing) {
   EXPECT_THAT(all_of(no_match.found), HasSubstr("x.mp4, y.mp4"));
 }
 
-TEST(CaptureGuess, PicturesOfBoardsAreNoFootage) {
+TEST(CaptureGuess, ImagesOfBoardsAreNoFootage) {
   std::vector<std::string> files{"videos/cam01.mp4", "videos/cam02.mp4"};
   for (const char* name : {"cam01_1.jpg", "cam01_2.jpg"}) files.push_back(std::string("board/int_cam01_img/") + name);
   const CaptureGuess guess = guess_capture(folder_of(files, {calibration_of({"cam_01", "cam_02"})}));
@@ -331,7 +331,7 @@ TEST(CaptureGuess, OfCalibrationsThatFitTheOneWithFewerAssumptions) {
   vague.calibration.cameras[1].t += Eigen::Vector3d(0.5, 0.0, 0.0);
   const CaptureGuess other = guess_capture(folder_of(files, {vague, stated}));
   EXPECT_EQ(other.capture.calibration, "b/qualisys.txt");
-  EXPECT_THAT(all_of(other.found), HasSubstr("in other places, up to 0.5 m apart"));
+  EXPECT_THAT(all_of(other.found), HasSubstr("in other positions, up to 0.5 m apart"));
 }
 
 class RealCaptureGuess : public support::SharedFolderTest {

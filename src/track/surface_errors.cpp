@@ -1,4 +1,4 @@
-#include "doppel/track/truth.h"
+#include "doppel/track/surface_errors.h"
 
 #include <fmt/ranges.h>
 
@@ -29,8 +29,8 @@ class SurfaceFile {
   std::vector<float> values_;
 };
 
-double distance_mm(const Eigen::Matrix3Xd& found, const Surface& truth) {
-  const Eigen::Matrix3Xd difference = found - truth.cast<double>();
+double distance_mm(const Eigen::Matrix3Xd& found, const Surface& ground_truth) {
+  const Eigen::Matrix3Xd difference = found - ground_truth.cast<double>();
   return 1e3 * (difference.colwise() - difference.rowwise().mean()).colwise().norm().mean();
 }
 
@@ -47,16 +47,17 @@ std::optional<SurfaceErrors> surface_errors(const Footage& footage, const Footag
   const fs::path path = footage.capture().resolve("ground_truth/" + sequence.name + "/vertices.npy");
   if (!fs::exists(path)) return std::nullopt;
   const Character& character = footage.character();
-  const SurfaceFile truth(path, character.num_vertices(), sequence.last_frame + 1);
+  const SurfaceFile ground_truth(path, character.num_vertices(), sequence.last_frame + 1);
   std::optional<SurfaceFile> found;
   if (!vertices.empty()) found.emplace(vertices, character.num_vertices(), sequence.num_frames());
   const PoseModel model(character, footage.landmarks(), {});
   SurfaceErrors errors;
   for (long frame = sequence.first_frame; frame <= sequence.last_frame; ++frame) {
     const PosedBody body = model.pose(motion.frames[frame], false);
-    errors.skinned.push_back(distance_mm(matrix_of(posed_vertices(model, body)), truth.at(frame)));
+    errors.skinned.push_back(distance_mm(matrix_of(posed_vertices(model, body)), ground_truth.at(frame)));
     if (found)
-      errors.tracked.push_back(distance_mm(found->at(frame - sequence.first_frame).cast<double>(), truth.at(frame)));
+      errors.tracked.push_back(
+          distance_mm(found->at(frame - sequence.first_frame).cast<double>(), ground_truth.at(frame)));
   }
   return errors;
 }

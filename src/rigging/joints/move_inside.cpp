@@ -1,4 +1,4 @@
-#include "doppel/rigging/joints/place_inside.h"
+#include "doppel/rigging/joints/move_inside.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -34,7 +34,7 @@ constexpr double kWindow = 0.27;
 /// How far the joints of rigs lie from the middle of the limb, and the spread of that.
 constexpr double kUsualOffset = 0.029, kOffsetSpread = 0.017;
 
-/// The spread of what proportions say about a place along a limb.
+/// The spread of what proportions say about a position along a limb.
 constexpr double kAnkleSpread = 0.02, kKneeSpread = 0.038, kElbowSpread = 0.03, kReachSpread = 0.04,
                  kNarrowSpread = 0.02, kSymmetrySpread = 0.012, kDepthSpread = 0.025, kHipWidthSpread = 0.03,
                  kShoulderWidthSpread = 0.045, kLevelSpread = 0.03;
@@ -57,7 +57,7 @@ class Placer {
 
   double trunk() const { return trunk_; }
 
-  void place() {
+  void run() {
     const BodyJoints given = joints_;
     // The middle of the limbs depends on the directions of the bones, and these on the joints.
     for (int round = 0; round < 3; ++round)
@@ -182,7 +182,7 @@ class Placer {
     p += trust(kAnkleSpread) * (height - kHeight * trunk_) * down;
   }
 
-  /// The wrist lies where the arm is narrowest, if the shape shows such a place, else by the length of the hand.
+  /// The wrist lies where the arm is narrowest, if the shape shows such a position, else by the length of the hand.
   void slide_wrist(const std::string& side) {
     constexpr double kHand = 0.407;
     Vector3d& p = joint(side, "wrist");
@@ -269,13 +269,13 @@ int count_outside(const BodyJoints& joints, const SolidGrid& solid) {
 
 }  // namespace
 
-Placement place_inside(BodyJoints& joints, const SolidGrid& solid, const PlacementOptions& options) {
+Placement move_inside(BodyJoints& joints, const SolidGrid& solid, const PlacementOptions& options) {
   constexpr double kAdultTrunk = 0.48;
   Placement placement;
   placement.outside_before = count_outside(joints, solid);
   const BodyJoints given = joints;
   Placer placer(joints, solid);
-  placer.place();
+  placer.run();
   const double most = options.largest_move * placer.trunk() / kAdultTrunk;
   for (auto& [name, position] : joints.positions) {
     const Vector3d move = position - given.at(name);

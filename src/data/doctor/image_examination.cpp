@@ -1,4 +1,4 @@
-#include "doppel/data/doctor/picture_examination.h"
+#include "doppel/data/doctor/image_examination.h"
 
 #include <fmt/format.h>
 
@@ -24,7 +24,7 @@ constexpr double kDoubled = 0.2, kMoving = 0.5;        ///< change of an image, 
 constexpr double kJump = 1.7;                          ///< the same, over its neighbours and the other cameras
 constexpr double kGapOfStamps = 1.6;                   ///< of the usual distance of time stamps
 constexpr double kDoubledWarning = 0.02, kDoubledFault = 0.05;  ///< share of the frames
-constexpr int kFewestDoubled = 2;
+constexpr int kMinDoubled = 2;
 constexpr double kClearGain = 0.08;  ///< of the contrast between activity on and beside the limbs
 constexpr double kLimbWidth = 0.07;  ///< of the person's size
 
@@ -34,7 +34,7 @@ const double kNone = std::numeric_limits<double>::quiet_NaN();
 template <typename Measure>
 double usual(const FootageExamination& footage, const Measure& measure) {
   std::vector<double> values;
-  for (const PictureFacts& facts : footage.pictures)
+  for (const ImageFacts& facts : footage.images)
     if (const double value = measure(facts); std::isfinite(value)) values.push_back(value);
   return values.size() < 3 ? kNone : median(values);
 }
@@ -58,10 +58,10 @@ double difference_of(const std::vector<double>& person, const std::vector<double
   return contrary ? 0.0 : around.difference;
 }
 
-class PictureJudge {
+class ImageJudge {
  public:
-  PictureJudge(const Sightings& seen, const RigExamination* rig, const SequenceFootage& footage,
-               std::vector<Finding>& findings)
+  ImageJudge(const Sightings& seen, const RigExamination* rig, const SequenceFootage& footage,
+             std::vector<Finding>& findings)
       : seen_(seen), rig_(rig), footage_(footage), findings_(findings) {}
 
   void judge() {
@@ -85,8 +85,8 @@ class PictureJudge {
 
   void exposure(std::size_t c) {
     const double stops =
-        difference_of(usual_of_cameras(footage_, [](const PictureFacts& f) { return f.exposure; }),
-                      usual_of_cameras(footage_, [](const PictureFacts& f) { return f.scene_exposure; }), c);
+        difference_of(usual_of_cameras(footage_, [](const ImageFacts& f) { return f.exposure; }),
+                      usual_of_cameras(footage_, [](const ImageFacts& f) { return f.scene_exposure; }), c);
     if (std::abs(stops) < kExposureWarning) return;
     add(c, faults::kExposure, std::abs(stops) > kExposureFault ? Severity::fault : Severity::warning,
         fmt::format("its images are {:.1f} stops {} than those of the other cameras", std::abs(stops),
@@ -99,9 +99,9 @@ class PictureJudge {
   void unsteady_exposure(std::size_t c) {
     const auto jumps = [](const FootageExamination& camera) {
       std::vector<double> values;
-      for (std::size_t i = 1; i < camera.pictures.size(); ++i)
-        if (camera.pictures[i].after_previous)
-          values.push_back(std::abs(camera.pictures[i].scene_exposure - camera.pictures[i - 1].scene_exposure));
+      for (std::size_t i = 1; i < camera.images.size(); ++i)
+        if (camera.images[i].after_previous)
+          values.push_back(std::abs(camera.images[i].scene_exposure - camera.images[i - 1].scene_exposure));
       return values.empty() ? kNone : quantile(values, 0.9);
     };
     std::vector<double> values;
@@ -115,11 +115,10 @@ class PictureJudge {
   }
 
   void balance(std::size_t c) {
-    const double red = difference_of(usual_of_cameras(footage_, [](const PictureFacts& f) { return f.red; }),
-                                     usual_of_cameras(footage_, [](const PictureFacts& f) { return f.scene_red; }), c);
-    const double blue =
-        difference_of(usual_of_cameras(footage_, [](const PictureFacts& f) { return f.blue; }),
-                      usual_of_cameras(footage_, [](const PictureFacts& f) { return f.scene_blue; }), c);
+    const double red = difference_of(usual_of_cameras(footage_, [](const ImageFacts& f) { return f.red; }),
+                                     usual_of_cameras(footage_, [](const ImageFacts& f) { return f.scene_red; }), c);
+    const double blue = difference_of(usual_of_cameras(footage_, [](const ImageFacts& f) { return f.blue; }),
+                                      usual_of_cameras(footage_, [](const ImageFacts& f) { return f.scene_blue; }), c);
     const double largest = std::max(std::abs(red), std::abs(blue));
     if (largest < kBalanceWarning) return;
     add(c, faults::kWhiteBalance, largest > kBalanceFault ? Severity::fault : Severity::warning,
@@ -130,7 +129,7 @@ class PictureJudge {
 
   void blur(std::size_t c) {
     std::vector<double> widths =
-        usual_of_cameras(footage_, [](const PictureFacts& f) { return f.edge_width < 0.0 ? kNone : f.edge_width; });
+        usual_of_cameras(footage_, [](const ImageFacts& f) { return f.edge_width < 0.0 ? kNone : f.edge_width; });
     for (std::size_t i = 0; i < widths.size(); ++i) widths[i] /= std::max(1, seen_.cameras[i].width);
     const AgainstOthers against = against_others(widths, c);
     if (against.others < 2) return;
@@ -146,17 +145,17 @@ class PictureJudge {
 
   /// The change of each image over the usual change around it, by row.
   std::map<long, double> changes(std::size_t c) const {
-    const std::vector<PictureFacts>& pictures = footage_[c].pictures;
+    const std::vector<ImageFacts>& images = footage_[c].images;
     std::map<long, double> ratios;
     constexpr std::size_t kAround = 6;
-    for (std::size_t i = 0; i < pictures.size(); ++i) {
-      if (pictures[i].change < 0.0) continue;
+    for (std::size_t i = 0; i < images.size(); ++i) {
+      if (images[i].change < 0.0) continue;
       std::vector<double> around;
-      for (std::size_t j = i > kAround ? i - kAround : 0; j < std::min(pictures.size(), i + kAround + 1); ++j)
-        if (j != i && pictures[j].change >= 0.0) around.push_back(pictures[j].change);
+      for (std::size_t j = i > kAround ? i - kAround : 0; j < std::min(images.size(), i + kAround + 1); ++j)
+        if (j != i && images[j].change >= 0.0) around.push_back(images[j].change);
       // the upper half: in a video with many doubled frames, the median is none that changes
       const double level = quantile(around, 0.7);
-      if (around.size() >= 4 && level > 0.0) ratios[pictures[i].row] = pictures[i].change / level;
+      if (around.size() >= 4 && level > 0.0) ratios[images[i].row] = images[i].change / level;
     }
     return ratios;
   }
@@ -178,10 +177,10 @@ class PictureJudge {
       counts.jumps += ratio > kJump * std::max({at(row - 1), at(row + 1), usual_ratio, 0.5});
     }
     std::vector<double> steps;
-    const std::vector<PictureFacts>& pictures = footage_[c].pictures;
-    for (std::size_t i = 1; i < pictures.size(); ++i)
-      if (pictures[i].after_previous && pictures[i].seconds && pictures[i - 1].seconds)
-        steps.push_back(*pictures[i].seconds - *pictures[i - 1].seconds);
+    const std::vector<ImageFacts>& images = footage_[c].images;
+    for (std::size_t i = 1; i < images.size(); ++i)
+      if (images[i].after_previous && images[i].seconds && images[i - 1].seconds)
+        steps.push_back(*images[i].seconds - *images[i - 1].seconds);
     const double step = median(steps);
     for (const double value : steps) counts.gaps += step > 0.0 && value > kGapOfStamps * step;
     return counts;
@@ -204,7 +203,7 @@ class PictureJudge {
     const FrameCounts counts = count_frames(c, all);
     const long missing = missing_frames(c);
     const double doubled = counts.rows == 0 ? 0.0 : static_cast<double>(counts.doubled) / counts.rows;
-    const bool many_doubled = counts.doubled >= kFewestDoubled && doubled > kDoubledWarning;
+    const bool many_doubled = counts.doubled >= kMinDoubled && doubled > kDoubledWarning;
     const bool fault =
         (many_doubled && doubled > kDoubledFault) || counts.gaps > 0 || (missing > 0 && counts.jumps > 0);
     if (!fault && !many_doubled && missing <= 0) return;
@@ -215,7 +214,7 @@ class PictureJudge {
     say(many_doubled ? counts.doubled : 0, "doubled frames");
     say(counts.gaps, "gaps of the time stamps");
     say(std::max(0L, missing), "frames fewer than the other cameras");
-    say(counts.jumps, "places where the image jumps");
+    say(counts.jumps, "positions where the image jumps");
     add(c, faults::kFrameDrops, fault ? Severity::fault : Severity::warning, figure,
         "Frames were lost or doubled in recording or copying. Restore them by their time stamps (ffmpeg -fps_mode), or "
         "split the sequence there; a faster disk or a lower rate avoids it.");
@@ -342,9 +341,9 @@ class PictureJudge {
 
 }  // namespace
 
-void examine_pictures(const Sightings& seen, const RigExamination* rig, const std::vector<SequenceFootage>& footage,
-                      std::vector<Finding>& findings) {
-  for (const SequenceFootage& sequence : footage) PictureJudge(seen, rig, sequence, findings).judge();
+void examine_images(const Sightings& seen, const RigExamination* rig, const std::vector<SequenceFootage>& footage,
+                    std::vector<Finding>& findings) {
+  for (const SequenceFootage& sequence : footage) ImageJudge(seen, rig, sequence, findings).judge();
 }
 
 }  // namespace doppel

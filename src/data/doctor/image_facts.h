@@ -12,7 +12,7 @@
 namespace doppel {
 
 /// What was measured in one image, and in its mask.
-struct PictureFacts {
+struct ImageFacts {
   long row = 0;
   bool after_previous = false;   ///< the entry before is the row before
   double exposure = 0.0;         ///< mean of the linear light on the person, as its logarithm to base 2 (stops)
@@ -36,7 +36,7 @@ struct PictureFacts {
 
 /// What was measured of one camera in one sequence.
 struct FootageExamination {
-  std::vector<PictureFacts> pictures;
+  std::vector<ImageFacts> images;
   long frames = -1;  ///< of the video; -1: not readable
   long mask_frames = -1;
   std::string error;  ///< why reading stopped; empty: it did not

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "doppel/data/doctor/finding.h"
-#include "doppel/data/doctor/picture_facts.h"
+#include "doppel/data/doctor/image_facts.h"
 
 namespace doppel {
 
@@ -13,8 +13,8 @@ using SequenceFootage = std::vector<FootageExamination>;  ///< [C]
 /// Compares the images of each camera with those of the other cameras: exposure, white balance, sharpness, lost and
 /// doubled frames, and whether the person moves where the keypoints are.
 /// @param footage [sequences]
-void examine_pictures(const Sightings& seen, const RigExamination* rig, const std::vector<SequenceFootage>& footage,
-                      std::vector<Finding>& findings);
+void examine_images(const Sightings& seen, const RigExamination* rig, const std::vector<SequenceFootage>& footage,
+                    std::vector<Finding>& findings);
 
 /// Compares masks with keypoints, with the projected body, with their neighbours in time and with the other cameras'.
 void examine_masks(const Sightings& seen, const RigExamination* rig, const std::vector<SequenceFootage>& footage,

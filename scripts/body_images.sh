@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Makes the pictures of created and fitted characters in the README, from a synthetic capture of a random person.
-#   scripts/body_pictures.sh FOLDER     writes docs/images/created.jpg and docs/images/fitted.jpg. Needs ImageMagick.
+# Makes the images of created and fitted characters in the README, from a synthetic capture of a random person.
+#   scripts/body_images.sh FOLDER     writes docs/images/created.jpg and docs/images/fitted.jpg. Needs ImageMagick.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-[ $# -eq 1 ] || { echo "usage: scripts/body_pictures.sh FOLDER" >&2; exit 2; }
+[ $# -eq 1 ] || { echo "usage: scripts/body_images.sh FOLDER" >&2; exit 2; }
 folder="$1" doppel="${DOPPEL:-build/release/tools/doppel}"
 [ -f "$folder/capture/capture.yaml" ] || "$doppel" synth --preset small --body random:5 --frames 40 --out "$folder/capture"
 "$doppel" character create "$folder/capture/character/actor.obj" --unit mm --up y --out "$folder/created"

@@ -1,4 +1,4 @@
-#include "doppel/data/doctor/picture_facts.h"
+#include "doppel/data/doctor/image_facts.h"
 
 #include <algorithm>
 #include <array>
@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kSmallWidth = 160;                        ///< of the images whose differences are measured
 constexpr int kEdgeEvery = 6;                           ///< images between two measurements of sharpness
-constexpr int kMostSmall = 24;                          ///< small images that are kept of a sequence
+constexpr int kMaxSmallImages = 24;                     ///< small images that are kept of a sequence
 constexpr double kFineSigma = 0.8, kCoarseSigma = 2.5;  ///< pixels, scales of the edges
 constexpr double kEdgeShare = 0.985;  ///< quantile of the coarse gradient from which on a pixel is an edge
 constexpr double kWeakestEdge = 2.0;  ///< grey levels per pixel
@@ -144,15 +144,15 @@ class FootageReading {
       if (!found_.error.empty() && !found_.mask_error.empty()) break;
       const long row = seen_.instants[instant].row, frame = clock.frame(row);
       if (frame < 0) continue;
-      PictureFacts facts;
+      ImageFacts facts;
       facts.row = row;
-      facts.after_previous = !found_.pictures.empty() && found_.pictures.back().row == row - 1;
+      facts.after_previous = !found_.images.empty() && found_.images.back().row == row - 1;
       const cv::Mat image = read_image(frame), mask = read_mask(frame, image);
       if (image.empty() && mask.empty()) continue;
       if (!mask.empty()) measure_mask(instant, mask, facts);
       if (!image.empty()) measure_image(instant, image, mask, facts);
       keep_sample(instant, image, mask);
-      found_.pictures.push_back(facts);
+      found_.images.push_back(facts);
     }
     return std::move(found_);
   }
@@ -212,7 +212,7 @@ class FootageReading {
     return index < 0 ? nullptr : &people[index];
   }
 
-  void measure_image(int instant, const cv::Mat& image, const cv::Mat& mask, PictureFacts& facts) {
+  void measure_image(int instant, const cv::Mat& image, const cv::Mat& mask, ImageFacts& facts) {
     const SeenPerson* person = person_at(instant);
     cv::Mat region = person ? trunk_of(seen_, *person, image.size()) : cv::Mat();
     if (region.empty() && !mask.empty() && mask.size() == image.size() && cv::countNonZero(mask) > 30) region = mask;
@@ -226,13 +226,13 @@ class FootageReading {
     facts.scene_blue = scene.blue;
     facts.overexposed = on_person.overexposed;
     facts.seconds = images_->seconds();
-    if (found_.pictures.size() % kEdgeEvery == 0) facts.edge_width = edge_width_of(image);
+    if (found_.images.size() % kEdgeEvery == 0) facts.edge_width = edge_width_of(image);
     const cv::Mat small = small_grey(image);
     if (!small_before_.empty() && facts.after_previous)
       facts.change = cv::norm(small, small_before_, cv::NORM_L1) / small.total();
     small_before_ = small;
-    const std::size_t stride = std::max<std::size_t>(1, instants_.size() / kMostSmall);
-    if (found_.pictures.size() % stride == 0) {
+    const std::size_t stride = std::max<std::size_t>(1, instants_.size() / kMaxSmallImages);
+    if (found_.images.size() % stride == 0) {
       found_.small.push_back(small);
       found_.small_instants.push_back(instant);
     }
@@ -258,7 +258,7 @@ class FootageReading {
     return 20 * cv::countNonZero(outside) < size.area() ? cv::Mat(size, CV_8UC1, cv::Scalar(255)) : outside;
   }
 
-  void measure_mask(int instant, const cv::Mat& mask, PictureFacts& facts) {
+  void measure_mask(int instant, const cv::Mat& mask, ImageFacts& facts) {
     const MaskFacts mask_facts = inspect_mask(mask);
     facts.mask_area = static_cast<double>(mask_facts.area) / static_cast<double>(mask.total());
     facts.mask_at_border = mask_facts.touches_border;
@@ -306,7 +306,7 @@ class FootageReading {
     return all == 0 ? -1.0 : static_cast<double>(on) / all;
   }
 
-  void measure_margins(const SeenPerson& person, const cv::Mat& mask, PictureFacts& facts) const {
+  void measure_margins(const SeenPerson& person, const cv::Mat& mask, ImageFacts& facts) const {
     Eigen::AlignedBox2d box;
     for (const SeenPoint& point : person)
       if (point.seen) box.extend(point.pixel);
@@ -320,12 +320,12 @@ class FootageReading {
   }
 
   /// The flicker of the mask before this one becomes known with this one.
-  void measure_flicker(const cv::Mat& mask, const PictureFacts& facts) {
+  void measure_flicker(const cv::Mat& mask, const ImageFacts& facts) {
     const bool consecutive = facts.after_previous && !mask_before_.empty() && mask_before_.size() == mask.size();
     if (consecutive && !mask_two_before_.empty()) {
       const cv::Mat toggled = (mask_before_ ^ mask_two_before_) & (mask_before_ ^ mask);
       const int area = std::max({1, cv::countNonZero(mask_two_before_), cv::countNonZero(mask)});
-      found_.pictures.back().flicker = static_cast<double>(cv::countNonZero(toggled)) / area;
+      found_.images.back().flicker = static_cast<double>(cv::countNonZero(toggled)) / area;
     }
     mask_two_before_ = consecutive ? mask_before_ : cv::Mat();
     mask_before_ = mask;

@@ -12,7 +12,7 @@ struct PlacementOptions {
   double largest_move = 0.06;  ///< of a joint, metres for a body of 1.7 m; it scales with the trunk
 };
 
-/// What `place_inside` did.
+/// What `move_inside` did.
 struct Placement {
   std::map<std::string, double> moved;        ///< metres, by joint
   int outside_before = 0, outside_after = 0;  ///< joints outside of the solid
@@ -23,6 +23,6 @@ struct Placement {
 /// shoulder have no middle that the shape could tell: they move only when they lie outside or too near to the surface,
 /// or when the two sides disagree. A cross-section that holds more than the limb (armpit, crotch, skirt, a hand on the
 /// hip) does not move the joint. The trunk's joints stay.
-Placement place_inside(BodyJoints& joints, const SolidGrid& solid, const PlacementOptions& options = {});
+Placement move_inside(BodyJoints& joints, const SolidGrid& solid, const PlacementOptions& options = {});
 
 }  // namespace doppel

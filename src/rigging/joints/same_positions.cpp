@@ -1,4 +1,4 @@
-#include "doppel/rigging/joints/same_places.h"
+#include "doppel/rigging/joints/same_positions.h"
 
 #include <algorithm>
 #include <array>
@@ -6,8 +6,8 @@
 
 namespace doppel {
 
-std::vector<int> same_places(const std::vector<Eigen::Vector3d>& vertices) {
-  std::vector<int> order(vertices.size()), place(vertices.size());
+std::vector<int> same_positions(const std::vector<Eigen::Vector3d>& vertices) {
+  std::vector<int> order(vertices.size()), number_of(vertices.size());
   std::iota(order.begin(), order.end(), 0);
   const auto key = [&](int v) {
     const Eigen::Vector3d& p = vertices[v];
@@ -17,9 +17,9 @@ std::vector<int> same_places(const std::vector<Eigen::Vector3d>& vertices) {
   int number = 0;
   for (std::size_t i = 0; i < order.size(); ++i) {
     if (i > 0 && key(order[i]) != key(order[i - 1])) ++number;
-    place[order[i]] = number;
+    number_of[order[i]] = number;
   }
-  return place;
+  return number_of;
 }
 
 }  // namespace doppel
