@@ -16,6 +16,7 @@ foreach(header IN LISTS headers)
 endforeach()
 # scripts/docs.sh makes API pages of these.
 list(TRANSFORM headers PREPEND src/)
+list(APPEND headers include/doppel/actor.h)
 list(JOIN headers "\n" lines)
 file(WRITE ${CMAKE_BINARY_DIR}/public_headers.txt "${lines}\n")
 install(EXPORT DoppelTargets NAMESPACE Doppel:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/Doppel)

@@ -10,6 +10,7 @@
 #     tidy          static checks by clang-tidy, half an hour
 #     tidy-changed  the same for the files that differ from DOPPEL_BASE, at most five minutes; the default is where this
 #                   branch left origin/main, or HEAD~1 without origin/main
+#     fuzz          the readers, compiled with sanitizers, on damaged files
 #     asan          tests with the sanitizers of addresses and undefined behaviour
 #     leak          the same build: memory that is never freed
 #     tsan          tests with the sanitizer of threads
@@ -121,6 +122,12 @@ check_tidy-changed() {
   [ $checked -eq 0 ] || report_tidy build/tidy/reports/*
 }
 
+check_fuzz() {
+  cmake --preset fuzz-check >/dev/null
+  cmake --build --preset fuzz-check
+  ctest --preset fuzz-check -R '^fuzz$'
+}
+
 # run_sanitized CONFIGURE_PRESET TEST_PRESET TEST...
 run_sanitized() {
   local build=$1 preset=$2
@@ -131,9 +138,9 @@ run_sanitized() {
   cmake --build --preset "$build" --target "${tests[@]/%/_test}"
   OMP_NUM_THREADS=1 ctest --preset "$preset" -R "^($(IFS='|' && echo "${tests[*]}"))\$"
 }
-check_asan() { run_sanitized asan asan core geometry character calibration keypoints capture data actor train track; }
-check_leak() { run_sanitized asan leak core geometry character calibration keypoints capture data; }
-check_tsan() { run_sanitized tsan tsan core capture data train track; }
+check_asan() { run_sanitized asan asan core geometry character calibration detect data actor train track; }
+check_leak() { run_sanitized asan leak core geometry character calibration detect data; }
+check_tsan() { run_sanitized tsan tsan core data train track; }
 
 pieces=("$@")
 [ $# -gt 0 ] || pieces=(format shell text tests headers tidy)
