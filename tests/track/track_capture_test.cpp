@@ -6,6 +6,7 @@
 
 #include "doppel/character/dof_names.h"
 #include "doppel/core/as_size.h"
+#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "support/message_of.h"

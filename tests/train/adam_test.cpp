@@ -105,13 +105,6 @@ TEST(AdamAgrees, AcrossACheckpointThatHoldsTheMomentsOfWhatIsTrainedOn) {
     EXPECT_TRUE(torch::equal(stopped.named_parameters()[item.key()], item.value())) << item.key();
 }
 
-TEST(AdamAgrees, WithTorchAdam) {
-  Model theirs(2), ours(2);
-  torch::optim::Adam reference(theirs.parameters(), torch::optim::AdamOptions(1e-2));
-  Adam adam(ours, AdamOptions());
-  expect_equal_path(reference, theirs, adam, ours);
-}
-
 TEST(AdamAgrees, WithTorchAdamW) {
   Model theirs(3), ours(3);
   torch::optim::AdamW reference(theirs.parameters(), torch::optim::AdamWOptions(1e-2).weight_decay(0.1));

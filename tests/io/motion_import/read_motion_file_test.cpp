@@ -8,6 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "motion_writers.h"
 #include "support/gltf_writer.h"
