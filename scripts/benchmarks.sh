@@ -29,7 +29,7 @@ run() { # PROGRAM [argument ...]
   fi
 }
 for program in render/raster_bench render/silhouette_bench layers/skinning_bench layers/embedded_deformation_bench \
-  layers/graph_convolution_bench nets/egnet_bench nets/deltanet_bench nets/radiance_bench export/actor_bench; do
+  layers/graph_convolution_bench nets/egnet_bench nets/deltanet_bench nets/radiance_bench actor/actor_bench; do
   run "$program" "$threads"
 done
 run geometry/closest_point_bench

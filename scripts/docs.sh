@@ -44,7 +44,7 @@ list_headers() { if [ -n "$headers" ]; then cat "$headers"; else git ls-files sr
 find "$site/api" -name '*.html' -exec sed -i 's#<a href="file:[^"]*">\([^<]*\)</a>#\1#g' {} +
 
 # The pages lie as in the tree, so that links between them hold. The first page lies at the root.
-for entry in $(git ls-files | cut -d/ -f1 | sort -u); do ln -s "$PWD/$entry" "$work/pages/"; done
+for entry in $(git ls-files | cut -d/ -f1 | grep -v '^\.' | sort -u); do ln -s "$PWD/$entry" "$work/pages/"; done
 ln -s "$PWD"/docs/site/*.md "$work/pages/"
 DOPPEL_API_TAGS="$work/api.tag" /usr/bin/sphinx-build -b html -c docs/site -d "$work/doctrees" -q -W --keep-going \
   -D "html_title=Doppel $version" ${actor:+-t actor} "$work/pages" "$site"

@@ -96,7 +96,7 @@ class Program {
   CommonOptions& common() { return common_; }
 
  private:
-  CLI::App app_{"Doppel turns calibrated multi-view video of a person into a actor", "doppel"};
+  CLI::App app_{"Doppel turns calibrated multi-view video of a person into an actor", "doppel"};
   CommonOptions common_;
   std::string shard_;
   std::vector<Command> commands_;

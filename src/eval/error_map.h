@@ -18,7 +18,7 @@ cv::Mat draw_vertex_values(const torch::Tensor& vertices, const torch::Tensor& f
 
 /// How much nearer each vertex of one surface is to the true surface than that of another (Fig. 4.17). The translation
 /// that fits best is removed from both errors, because a single camera does not determine depth.
-/// @param better, worse, ground truth float32 [N,3] metres @return float32 [N] metres: positive where `better` is
+/// @param better, worse, ground_truth float32 [N,3] metres @return float32 [N] metres: positive where `better` is
 /// nearer
 torch::Tensor error_improvement(const torch::Tensor& better, const torch::Tensor& worse,
                                 const torch::Tensor& ground_truth);

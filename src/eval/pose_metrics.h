@@ -32,17 +32,17 @@ struct PoseScores {
   nlohmann::ordered_json to_json() const;
 };
 
-/// @param found, ground truth [frames,14,3] in the order of common_joint_rows, world metres, any float type
+/// @param found, ground_truth [frames,14,3] in the order of common_joint_rows, world metres, any float type
 /// @throws UsageError for another shape, no frames, or ground truth that is not finite
 PoseScores compare_poses(const torch::Tensor& found, const torch::Tensor& ground_truth);
 
 /// Poses with the bone directions of `found` and the bone lengths of `ground_truth`, starting at the root. A bone of
 /// length 0 keeps its length.
-/// @param found, ground truth [frames,14,3] @return float64 [frames,14,3]
+/// @param found, ground_truth [frames,14,3] @return float64 [frames,14,3]
 torch::Tensor rescale_bones(const torch::Tensor& found, const torch::Tensor& ground_truth);
 
 /// Aligns `found` to `ground_truth` by the similarity transform of each frame (rotation, translation, one scale) with
-/// the least squared error. @param found, ground truth [frames,J,3] finite @return float64 [frames,J,3]
+/// the least squared error. @param found, ground_truth [frames,J,3] finite @return float64 [frames,J,3]
 torch::Tensor align_similarity(const torch::Tensor& found, const torch::Tensor& ground_truth);
 
 }  // namespace doppel

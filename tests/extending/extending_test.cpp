@@ -6,7 +6,7 @@
 #include "doppel/train/stage_table.h"
 #include "extending/displacement.h"
 #include "extending/displacement_metric.h"
-#include "extending/floor_term.h"
+#include "extending/ground_term.h"
 #include "extending/plain.h"
 #include "extending/sketch_stage.h"
 #include "support/temporary_folder.h"
@@ -26,7 +26,7 @@ TEST(ExtendingPage, TheTermHasTheJacobianOfItsResiduals) {
   const PoseModel model(character, tube_landmarks(4), all_dofs(character));
   std::vector<double> dofs = bent_pose(character, 0.2);
   dofs[character.skeleton.root().translation[1]] -= 5.0;
-  FloorTerm term(3.0);
+  GroundTerm term(3.0);
   support::check_term(term, model, dofs);
 }
 

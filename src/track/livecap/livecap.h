@@ -27,6 +27,7 @@ namespace doppel {
 /// Options of the one-camera tracker, in other units than those of the thesis (`thesis_units.h`). The temporal term
 /// pulls landmarks to their positions in the last frame. The silhouette's weight is per outline vertex.
 struct LivecapOptions : PoseFitOptions {
+  /// Other defaults than the multi-view fit for the inherited options (livecap.cpp).
   LivecapOptions();
 
   /// Fit the pose with displacements that do not move the outline towards the camera or away from it. Not in the
