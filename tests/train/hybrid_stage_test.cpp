@@ -305,7 +305,7 @@ TEST_F(HybridTraining, MistakesAreNamed) {
                            "\nstage: hybrid\negnet: {run: " + (*folder_ / "run").string() + "}\nradiance: {}\n";
   EXPECT_THAT(
       message_of([&] { train_stages(StageChain::read(ConfigDocument::parse(bare, "c.yaml")), *folder_ / "bare", {}); }),
-      HasSubstr("deltanet.run=RUN"));
+      HasSubstr("deltanet={run: RUN}"));
 }
 
 TEST_F(HybridTraining, AFieldWithoutAMeshIsOfOneFrame) {
