@@ -253,7 +253,7 @@ TEST(GraphConvolutionRejects, WrongShapesAndTypesByName) {
   EXPECT_THAT(message_of<Error>([&] { graph_convolution(features, kernels, torch::zeros({2}), ring); }),
               AllOf(HasSubstr("bias"), HasSubstr("[4,2]")));
   EXPECT_THAT(message_of<Error>([&] { graph_convolution(features, kernels.to(torch::kFloat64), bias, ring); }),
-              AllOf(HasSubstr("kernels"), HasSubstr("ouble")));
+              AllOf(HasSubstr("kernels"), HasSubstr("float64")));
   EXPECT_THAT(message_of<Error>([&] { RingWeights::from_topology(path_graph(4), 0); }), HasSubstr("R = 0"));
 }
 

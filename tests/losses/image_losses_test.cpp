@@ -272,9 +272,9 @@ TEST(ImageLossesRejects, ShapesAndTypes) {
     };
     EXPECT_THAT(complaint([](Images& p) { p.rendered = p.rendered[0]; }), HasSubstr("found float32 [2,6,5,3]"));
     EXPECT_THAT(complaint([](Images& p) { p.target = p.target.slice(2, 0, 5); }), HasSubstr("target must be"));
-    EXPECT_THAT(complaint([](Images& p) { p.target = p.target.to(torch::kFloat64); }), HasSubstr("Double"));
+    EXPECT_THAT(complaint([](Images& p) { p.target = p.target.to(torch::kFloat64); }), HasSubstr("float64"));
     EXPECT_THAT(complaint([](Images& p) { p.mask = p.mask.to(torch::kFloat32); }), HasSubstr("target_mask must be"));
-    EXPECT_THAT(complaint([](Images& p) { p.covered = p.covered.slice(3, 0, 4); }), HasSubstr("found Bool [1,2,6,4]"));
+    EXPECT_THAT(complaint([](Images& p) { p.covered = p.covered.slice(3, 0, 4); }), HasSubstr("found bool [1,2,6,4]"));
     EXPECT_THAT(complaint([](Images& p) { p.covered = Tensor(); }), HasSubstr("an undefined tensor"));
   }
 }
@@ -290,7 +290,7 @@ TEST(ImageLossesRejects, Options) {
   EXPECT_THAT(chroma_with(1.0, 9), HasSubstr("half size 9"));
   EXPECT_THAT(message_of<UsageError>([&] { lighting_loss(p.rendered, p.covered, p.target, p.mask, {-1}); }),
               HasSubstr("-1 pixels"));
-  EXPECT_THAT(message_of<UsageError>([&] { erode_mask(p.rendered, 1); }), HasSubstr("found Float"));
+  EXPECT_THAT(message_of<UsageError>([&] { erode_mask(p.rendered, 1); }), HasSubstr("found float32"));
   EXPECT_THAT(message_of<UsageError>([&] { image_float(p.rendered); }), HasSubstr("must be uint8"));
 }
 
