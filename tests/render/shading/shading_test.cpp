@@ -466,7 +466,8 @@ TEST(ShadingRejects, WhatDoesNotFitAndSaysWhat) {
   EXPECT_THAT(with([](ShadingScene& t) { t.projection = t.projection[0]; }), HasSubstr("projection must be"));
   EXPECT_THAT(with([](ShadingScene& t) { t.texture = t.texture.repeat({4, 1, 1, 1}); }), HasSubstr("4 textures"));
   EXPECT_THAT(with([](ShadingScene& t) { t.texture = t.texture.slice(3, 0, 2); }), HasSubstr("texture must be"));
-  EXPECT_THAT(with([](ShadingScene& t) { t.texture = t.texture.to(torch::kFloat64); }), HasSubstr("texture is float64"));
+  EXPECT_THAT(with([](ShadingScene& t) { t.texture = t.texture.to(torch::kFloat64); }),
+              HasSubstr("texture is float64"));
   EXPECT_THAT(with([](ShadingScene& t) { t.lighting = t.lighting.slice(1, 0, 2); }), HasSubstr("lighting must be"));
   EXPECT_THAT(with([](ShadingScene& t) { t.lighting = Tensor(); }), HasSubstr("no lighting"));
   EXPECT_THAT(with([](ShadingScene& t) { t.height = 0; }), HasSubstr("1 to 16384"));
