@@ -2,8 +2,10 @@
 
 /// What the ops of the library `doppel` share: calls through the dispatcher, optional arguments, gradients.
 
+#include <ATen/core/dispatch/Dispatcher.h>
 #include <torch/autograd.h>
 #include <torch/library.h>
+#include <torch/types.h>
 
 namespace doppel {
 
