@@ -4,7 +4,7 @@
 #   TORCH_SOURCES   a module without TORCH: the sources that work on tensors, as glob expressions
 #   KERNELS         sources compiled once per instruction set and chosen when the program starts (core/cpu_dispatch.h)
 #   GENERATED       sources written by the build
-#   PUBLIC_HEADERS  the interface: installed, documented and stable. They include no other headers of Doppel.
+#   PUBLIC_HEADERS  the interface: installed, documented and stable. Of Doppel they include public headers only.
 #   SHARED_HEADERS  what other modules include besides; not installed. All other headers are private to the module;
 #                   tests/levels reads both lists.
 #   DEPENDS         modules of lower levels (doppel_core, ...) and outside libraries, all public

@@ -10,7 +10,7 @@ namespace {
 constexpr char kDeepcapExample[] =
     "Example:\n"
     "  doppel track deepcap recordings/street --run runs/anna-street\n"
-    "RUN is a run of `doppel train configs/small/posenet.yaml`, then `defnet.yaml`, or of `doppel adapt`.\n"
+    "RUN is a run of `doppel train configs/small/deepcap.yaml`, or of `doppel adapt`.\n"
     "`doppel track live --deepcap RUN` predicts from a camera or a video as its images arrive.";
 
 TrackReport track_with_networks(const TrackArguments& arguments, DeepcapOptions options) {

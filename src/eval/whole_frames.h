@@ -13,7 +13,7 @@
 namespace doppel {
 
 /// The whole images of one camera, without lens distortion, read from the videos or image files of the capture. A
-/// prepared store holds crops only, so these files must still be in their positions.
+/// prepared store holds crops only, so these files must still exist.
 class WholeFrames {
  public:
   /// @param camera name and resolution of the images, as in Dataset::cameras()

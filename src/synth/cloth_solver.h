@@ -65,7 +65,7 @@ class ClothSolver {
  public:
   ClothSolver(const Cloth& cloth, const XpbdOptions& options);
 
-  /// Puts all vertices in positions at rest. @param positions [V]
+  /// Moves all vertices; their velocities are 0. @param positions [V]
   void move_to(const std::vector<Eigen::Vector3d>& positions);
   /// Advances by dt seconds.
   /// @param held [V] positions of the held vertices at the end of the step; the other entries are not read

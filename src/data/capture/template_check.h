@@ -42,8 +42,8 @@ struct CameraView {
 };
 CameraView look_at(const Eigen::Matrix3Xf& vertices, const Camera& camera);
 
-/// A likely reason why a template does not match its masks. Tries mirrored masks, inverted extrinsics, millimetres in
-/// position of metres, and other common mistakes. Empty when none of them gives a better match.
+/// A likely reason why a template does not match its masks. Tries mirrored masks, inverted extrinsics, millimetres for
+/// metres, and other common mistakes. Empty when none of them gives a better match.
 std::string explain_misfit(TemplateChecker& checker, const Eigen::Matrix3Xf& vertices, const Camera& camera,
                            const cv::Mat& mask);
 
