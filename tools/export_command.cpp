@@ -150,7 +150,7 @@ Command add_export(CLI::App& program) {
   app->add_option("--format", arguments->format,
                   "torchscript: networks for LibTorch and PyTorch; onnx: networks for ONNX Runtime, in programs and "
                   "browsers; safetensors: weights and character for a host of one's own, and a .json that describes "
-                  "them; web: a folder with a page that shows the double, for any file server")
+                  "them; web: a folder with a page that shows the actor, for any file server")
       ->check(CLI::IsMember({"torchscript", "onnx", "safetensors", "web"}))
       ->capture_default_str();
   app->add_option("--motion", arguments->motion,

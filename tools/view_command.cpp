@@ -47,7 +47,7 @@ Command add_view(CLI::App& program) {
   auto arguments = std::make_shared<ViewArguments>();
   CLI::App* app = program.add_subcommand(
       "view",
-      "Show a double in the browser: play its motion, pose it by hand; or a capture before its character is made");
+      "Show an actor in the browser: play its motion, pose it by hand; or a capture before its character is made");
   app->add_option("target", arguments->target,
                   "A run, an exported actor (.pt), a .character file, a capture (with or without a character) or a "
                   "prepared capture")

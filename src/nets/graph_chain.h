@@ -1,6 +1,6 @@
 #pragma once
 
-/// A graph network of structure-aware convolutions for one sample, without gradients: a double that plays frame by
+/// A graph network of structure-aware convolutions for one sample, without gradients: an actor that plays frame by
 /// frame. Its layers are those of SAGCN (nets/sagcn.h):
 ///
 ///   x = SAGC_first(f)

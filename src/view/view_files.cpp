@@ -53,7 +53,7 @@ nlohmann::json description(const ViewSubject& subject, const Motion& motion) {
           {"stages", stages}};
 }
 
-/// A description without a double, which says what a sequence has.
+/// A description without an actor, which says what a sequence has.
 nlohmann::json with_sequence(nlohmann::json description, const ViewSequence& sequence) {
   description["name"] = sequence.name;
   description["frames"] = sequence.frames;

@@ -6,7 +6,7 @@
 
 namespace doppel {
 
-/// Writes a page that any file server can serve: the double, its motion and its networks, which the visitor's browser
+/// Writes a page that any file server can serve: the actor, its motion and its networks, which the visitor's browser
 /// runs itself (ONNX Runtime, WebAssembly).
 ///
 /// `folder` gets
