@@ -23,9 +23,9 @@
 # libraries and compiles each test alone, and each source of the modules in DOPPEL_DEV_MODULES: there a change is one short
 # compilation and one short link.
 
-set(DOPPEL_UNITY_BATCH 10 CACHE STRING "How many sources are compiled as one; 1: each alone")
+set(DOPPEL_UNITY_BATCH 14 CACHE STRING "How many sources are compiled as one; 1: each alone")
 set(DOPPEL_DEV_MODULES "" CACHE STRING "Modules whose sources are compiled each alone, whatever DOPPEL_UNITY_BATCH says")
-set(DOPPEL_TEST_BATCH 8 CACHE STRING "How many tests are compiled as one; 1: each alone")
+set(DOPPEL_TEST_BATCH 10 CACHE STRING "How many tests are compiled as one; 1: each alone")
 
 # Includes read the same in the tree and in an installed copy: this link makes "doppel/core/error.h" of src/core/error.h.
 set(DOPPEL_INCLUDE_DIR ${CMAKE_BINARY_DIR}/include)
@@ -107,23 +107,37 @@ function(doppel_kernels target)
   endforeach()
 endfunction()
 
-# Compiles up to `batch` sources of a target as one, never sources of two folders.
+# Compiles up to `batch` sources of a target as one. BY_FOLDER: never sources of two folders, whose outside libraries may
+# use the same names.
 function(doppel_unity target batch)
-  if(batch LESS_EQUAL 1)
+  cmake_parse_arguments(ARG "BY_FOLDER" "" "" ${ARGN})
+  get_target_property(sources ${target} SOURCES)
+  list(FILTER sources INCLUDE REGEX "^[^/$].*\\.cpp$")  # without generated sources, which have full paths
+  if(batch LESS_EQUAL 1 OR NOT sources)
     return()
   endif()
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
-  get_target_property(sources ${target} SOURCES)
-  list(FILTER sources INCLUDE REGEX "^[^/$].*\\.cpp$")  # without generated sources, which have full paths
+  set(folders)
   foreach(source IN LISTS sources)
-    cmake_path(GET source PARENT_PATH folder)
-    string(MAKE_C_IDENTIFIER "${folder}" folder)
-    if(NOT DEFINED count_${folder})
-      set(count_${folder} 0)
+    set(folder "")
+    if(ARG_BY_FOLDER)
+      cmake_path(GET source PARENT_PATH folder)
+      string(MAKE_C_IDENTIFIER "${folder}" folder)
     endif()
-    math(EXPR part "${count_${folder}} / ${batch}")
-    math(EXPR count_${folder} "${count_${folder}} + 1")
-    set_source_files_properties(${source} PROPERTIES UNITY_GROUP "${folder}_${part}")
+    list(APPEND folders "${folder}_")
+    list(APPEND sources_of_${folder}_ ${source})
+  endforeach()
+  list(REMOVE_DUPLICATES folders)
+  foreach(folder IN LISTS folders)
+    # As many in each unit, so that none is much longer than the others.
+    list(LENGTH sources_of_${folder} count)
+    math(EXPR units "(${count} + ${batch} - 1) / ${batch}")
+    set(part 0)
+    foreach(source IN LISTS sources_of_${folder})
+      math(EXPR unit "${part} * ${units} / ${count}")
+      math(EXPR part "${part} + 1")
+      set_source_files_properties(${source} PROPERTIES UNITY_GROUP "${folder}${unit}")
+    endforeach()
   endforeach()
 endfunction()
 
@@ -208,11 +222,13 @@ function(doppel_module name)
     $<BUILD_INTERFACE:${DOPPEL_INCLUDE_DIR}> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_compile_features(${target} PUBLIC cxx_std_20)
   target_link_libraries(${target} PUBLIC doppel_flags Threads::Threads ${ARG_DEPENDS})
-  doppel_unity(${target} ${batch})
   if(ARG_TORCH)
+    # Each unit costs 3 s for LibTorch's templates: as few as possible.
+    doppel_unity(${target} ${batch})
     target_link_libraries(${target} PUBLIC doppel_torch)
     target_precompile_headers(${target} REUSE_FROM doppel_torch_pch)
   else()
+    doppel_unity(${target} ${batch} BY_FOLDER)
     # GCC takes a precompiled header only where -fopenmp and the definitions that it read are the same.
     target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:${DOPPEL_PLAIN_LIBRARIES}>)
     target_precompile_headers(${target} REUSE_FROM doppel_plain_pch)

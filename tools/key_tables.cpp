@@ -7,6 +7,7 @@
 #include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/core/options.h"
+#include "doppel/detect/networks/network_config.h"
 #include "doppel/track/fit/track_config.h"
 #include "doppel/track/livecap/livecap_config.h"
 #include "doppel/train/adapt.h"
@@ -66,7 +67,9 @@ constexpr NamedRows kTables[] = {{"livecap", [] { return key_rows<LivecapConfig>
                                  {"posenet", stage_rows<PoseNetRunConfig>},
                                  {"defnet", stage_rows<DefNetRunConfig>},
                                  {"radiance", stage_rows<HybridRunConfig>},
-                                 {"nerf", stage_rows<NerfRunConfig>}};
+                                 {"nerf", stage_rows<NerfRunConfig>},
+                                 {"network", [] { return key_rows<NetworkKeys>(); }},
+                                 {"crop", [] { return key_rows<CropOptions>(); }}};
 
 }  // namespace
 
@@ -80,9 +83,8 @@ std::string key_table_of(const std::string& name) {
   for (const NamedRows& table : kTables)
     if (name == table.name) return key_table(table.rows());
   const std::vector<std::string> names = key_table_names();
-  const auto meant = nearest_word(name, names);
   fail<UsageError>("--keys: there is no table '{}'; there are {}{}", name, fmt::join(names, ", "),
-                   meant ? "; did you mean " + *meant + "?" : "");
+                   nearest_word_hint(name, names));
 }
 
 }  // namespace doppel::tools

@@ -115,11 +115,8 @@ JointMap read_joint_map(const std::filesystem::path& path) {
   for (const std::string& target : rotations.keys()) {
     const auto pair =
         std::find_if(map.pairs.begin(), map.pairs.end(), [&](const auto& p) { return p.target == target; });
-    if (pair == map.pairs.end()) {
-      const auto meant = nearest_word(target, targets);
-      rotations.fail_at_key(target, "this joint is not among `joints`{}",
-                            meant ? "; did you mean " + *meant + "?" : "");
-    }
+    if (pair == map.pairs.end())
+      rotations.fail_at_key(target, "this joint is not among `joints`{}", nearest_word_hint(target, targets));
     pair->rest_rotation = read_rotation(rotations, target);
   }
   read_scale(root, map);

@@ -20,8 +20,7 @@ int find_joint(const TextReader& reader, const Skeleton& skeleton, const std::st
   if (const auto joint = skeleton.find_joint(name)) return *joint;
   std::vector<std::string> known;
   for (const Joint& joint : skeleton.joints) known.push_back(joint.name);
-  const auto meant = nearest_word(name, known);
-  reader.fail_here("the skeleton has no joint '{}'{}", excerpt(name), meant ? "; did you mean " + *meant + "?" : "");
+  reader.fail_here("the skeleton has no joint '{}'{}", excerpt(name), nearest_word_hint(name, known));
 }
 
 Marker read_row(const TextReader& reader, const Skeleton& skeleton,

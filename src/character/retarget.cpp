@@ -39,9 +39,8 @@ int find_joint(const std::vector<std::string>& joints, const std::string& name, 
     if (bone_name(joints[j]) == name) return static_cast<int>(j);
   std::vector<std::string> known = joints;
   for (const std::string& joint : joints) known.push_back(bone_name(joint));
-  const auto meant = nearest_word(name, known);
-  fail_at(where, "the {} has no joint '{}'{}. It has: {}", whose, name,
-          meant ? fmt::format("; did you mean '{}'?", *meant) : std::string(), fmt::join(joints, " "));
+  fail_at(where, "the {} has no joint '{}'; the joints are {}{}", whose, name, fmt::join(joints, ", "),
+          nearest_word_hint(name, known));
 }
 
 /// The nearest node above joint `target`, or -1.

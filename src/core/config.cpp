@@ -197,6 +197,11 @@ std::optional<std::string> nearest_word(const std::string& word, const std::vect
   return best;
 }
 
+std::string nearest_word_hint(const std::string& word, const std::vector<std::string>& known) {
+  const std::optional<std::string> nearest = nearest_word(word, known);
+  return nearest ? "; did you mean " + *nearest + "?" : "";
+}
+
 ConfigDocument ConfigDocument::load(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
   return parse(read_file(path, kMaxBytes), path.string(), overrides);
 }
@@ -341,6 +346,7 @@ template std::vector<double> ConfigReader::list<double>(const std::string&) cons
 template std::vector<std::string> ConfigReader::list<std::string>(const std::string&) const;
 template std::vector<int> ConfigReader::list<int>(const std::string&, const std::vector<int>&) const;
 template std::vector<long> ConfigReader::list<long>(const std::string&, const std::vector<long>&) const;
+template std::vector<double> ConfigReader::list<double>(const std::string&, const std::vector<double>&) const;
 template std::vector<std::string> ConfigReader::list<std::string>(const std::string&,
                                                                   const std::vector<std::string>&) const;
 
@@ -353,9 +359,8 @@ std::string ConfigReader::choice(const std::string& key, const std::vector<std::
   }
   const std::string word = get<std::string>(key);
   if (std::find(allowed.begin(), allowed.end(), word) != allowed.end()) return word;
-  const std::optional<std::string> meant = nearest_word(word, allowed);
   fail_at_key(key, "found \"{}\", allowed is one of {}{}", excerpt(word, kMaxShownLength), joined(allowed),
-              meant ? "; did you mean " + *meant + "?" : "");
+              nearest_word_hint(word, allowed));
 }
 
 std::filesystem::path ConfigReader::path(const std::string& key, const std::optional<std::string>& fallback) const {

@@ -123,5 +123,7 @@ class ConfigReader {
 
 /// The element of `known` with the smallest edit distance to `word`, if `word` may be a misspelling of it.
 std::optional<std::string> nearest_word(const std::string& word, const std::vector<std::string>& known);
+/// "; did you mean X?" with the nearest word, for the end of a message; empty without one.
+std::string nearest_word_hint(const std::string& word, const std::vector<std::string>& known);
 
 }  // namespace doppel

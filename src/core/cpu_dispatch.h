@@ -34,23 +34,23 @@ const char* isa_name(Isa isa);
   result name arguments;                               \
   }
 #elif defined(__x86_64__) || defined(_M_X64)
-#define DOPPEL_DECLARE_KERNEL(result, name, arguments)                                                \
-  namespace baseline {                                                                                \
-  result name arguments;                                                                              \
-  }                                                                                                   \
-  namespace avx2 {                                                                                    \
-  result name arguments;                                                                              \
-  }                                                                                                   \
-  namespace avx512 {                                                                                  \
-  result name arguments;                                                                              \
-  }                                                                                                   \
-  inline result(*const name) arguments = ::doppel::cpu_isa() == ::doppel::Isa::avx512 ? &avx512::name \
-                                         : ::doppel::cpu_isa() == ::doppel::Isa::avx2 ? &avx2::name   \
-                                                                                      : &baseline::name;
+#define DOPPEL_DECLARE_KERNEL(result, name, arguments)                                   \
+  namespace baseline {                                                                   \
+  result name arguments;                                                                 \
+  }                                                                                      \
+  namespace avx2 {                                                                       \
+  result name arguments;                                                                 \
+  }                                                                                      \
+  namespace avx512 {                                                                     \
+  result name arguments;                                                                 \
+  }                                                                                      \
+  inline auto* const name = ::doppel::cpu_isa() == ::doppel::Isa::avx512 ? &avx512::name \
+                            : ::doppel::cpu_isa() == ::doppel::Isa::avx2 ? &avx2::name   \
+                                                                         : &baseline::name;
 #else
 #define DOPPEL_DECLARE_KERNEL(result, name, arguments) \
   namespace baseline {                                 \
   result name arguments;                               \
   }                                                    \
-  inline result(*const name) arguments = &baseline::name;
+  inline auto* const name = &baseline::name;
 #endif

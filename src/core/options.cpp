@@ -77,7 +77,16 @@ class OptionReader : public OptionVisitor {
              const std::string&) override {
     value(path, option, range);
   }
+  void visit(const std::string& path, std::optional<double>& option, const Range<double>& range,
+             const std::string&) override {
+    optional_value(path, option, range);
+  }
+  void visit(const std::string& path, std::optional<int>& option, const Range<int>& range,
+             const std::string&) override {
+    optional_value(path, option, range);
+  }
   void visit(const std::string& path, bool& option, const std::string&) override { value(path, option, {}); }
+  void visit(const std::string& path, std::string& option, const std::string&) override { value(path, option, {}); }
   void visit(const std::string& path, std::filesystem::path& option, const std::string&) override {
     const auto [reader, key] = position_of(reader_, path);
     if (reader.has(key)) option = reader.path(key);
@@ -89,10 +98,12 @@ class OptionReader : public OptionVisitor {
   void visit(const std::string& path, std::vector<std::int64_t>& option, const std::string&) override {
     list(path, option);
   }
-  void visit_word(const std::string& path, int& option, const std::vector<std::string>& words,
+  void visit(const std::string& path, std::vector<double>& option, const std::string&) override { list(path, option); }
+  void visit_word(const std::string& path, std::optional<int>& option, const std::vector<std::string>& words,
                   const std::string&) override {
     const auto [reader, key] = position_of(reader_, path);
-    const std::string word = reader.choice(key, words, words[option]);
+    if (!option && !reader.has(key)) return;
+    const std::string word = reader.choice(key, words, words[option.value_or(0)]);
     option = static_cast<int>(std::find(words.begin(), words.end(), word) - words.begin());
   }
   std::optional<std::size_t> visit_items(const std::string& path, const std::string&) override {
@@ -115,6 +126,11 @@ class OptionReader : public OptionVisitor {
   void value(const std::string& path, T& option, const Range<T>& range) {
     const auto [reader, key] = position_of(reader_, path);
     option = reader.get(key, option, range);
+  }
+  template <typename T>
+  void optional_value(const std::string& path, std::optional<T>& option, const Range<T>& range) {
+    const auto [reader, key] = position_of(reader_, path);
+    if (option || reader.has(key)) option = reader.get(key, option.value_or(T{}), range);
   }
   template <typename T>
   void list(const std::string& path, std::vector<T>& option) {
@@ -142,6 +158,17 @@ class RowMaker : public OptionVisitor {
   void visit(const std::string& key, bool& option, const std::string& meaning) override {
     add(key, option ? "true" : "false", "true, false", meaning);
   }
+  void visit(const std::string& key, std::optional<double>& option, const Range<double>& range,
+             const std::string& meaning) override {
+    add(key, option ? shown_number(*option) : "", shown_range(range), meaning);
+  }
+  void visit(const std::string& key, std::optional<int>& option, const Range<int>& range,
+             const std::string& meaning) override {
+    add(key, option ? shown_number(*option) : "", shown_range(range), meaning);
+  }
+  void visit(const std::string& key, std::string& option, const std::string& meaning) override {
+    add(key, option, "a text", meaning);
+  }
   void visit(const std::string& key, std::filesystem::path& option, const std::string& meaning) override {
     add(key, option.string(), "a path", meaning);
   }
@@ -154,9 +181,12 @@ class RowMaker : public OptionVisitor {
   void visit(const std::string& key, std::vector<std::int64_t>& option, const std::string& meaning) override {
     add(key, shown_list(option), "a list of integers", meaning);
   }
-  void visit_word(const std::string& key, int& option, const std::vector<std::string>& words,
+  void visit(const std::string& key, std::vector<double>& option, const std::string& meaning) override {
+    add(key, shown_list(option), "a list of numbers", meaning);
+  }
+  void visit_word(const std::string& key, std::optional<int>& option, const std::vector<std::string>& words,
                   const std::string& meaning) override {
-    add(key, words[option], fmt::format("{}", fmt::join(words, ", ")), meaning);
+    add(key, option ? words[*option] : "", fmt::format("{}", fmt::join(words, ", ")), meaning);
   }
   /// One item stands for all.
   std::optional<std::size_t> visit_items(const std::string& key, const std::string& meaning) override {

@@ -41,12 +41,19 @@ class OptionVisitor {
   virtual void visit(const std::string& key, std::int64_t& option, const Range<std::int64_t>& range,
                      const std::string& meaning) = 0;
   virtual void visit(const std::string& key, bool& option, const std::string& meaning) = 0;
+  virtual void visit(const std::string& key, std::string& option, const std::string& meaning) = 0;
   virtual void visit(const std::string& key, std::filesystem::path& option, const std::string& meaning) = 0;
   virtual void visit(const std::string& key, std::vector<std::string>& option, const std::string& meaning) = 0;
   virtual void visit(const std::string& key, std::vector<int>& option, const std::string& meaning) = 0;
   virtual void visit(const std::string& key, std::vector<std::int64_t>& option, const std::string& meaning) = 0;
-  /// @param option index of the word
-  virtual void visit_word(const std::string& key, int& option, const std::vector<std::string>& words,
+  virtual void visit(const std::string& key, std::vector<double>& option, const std::string& meaning) = 0;
+  /// Nothing: the key has no default.
+  virtual void visit(const std::string& key, std::optional<double>& option, const Range<double>& range,
+                     const std::string& meaning) = 0;
+  virtual void visit(const std::string& key, std::optional<int>& option, const Range<int>& range,
+                     const std::string& meaning) = 0;
+  /// @param option index of the word; nothing: the key has no default
+  virtual void visit_word(const std::string& key, std::optional<int>& option, const std::vector<std::string>& words,
                           const std::string& meaning) = 0;
   /// A list of mappings. @return the number of items to visit; nothing: the list stays as it is
   virtual std::optional<std::size_t> visit_items(const std::string& key, const std::string& meaning) = 0;
@@ -75,7 +82,12 @@ class Keys {
                   const std::string& meaning) const {
     visitor_->visit(path(key), option, range, meaning);
   }
-  /// A flag, a path, or a list of words or integers.
+  /// A number without a default.
+  template <typename T>
+  void operator()(const char* key, std::optional<T>& option, const Range<T>& range, const std::string& meaning) const {
+    visitor_->visit(path(key), option, range, meaning);
+  }
+  /// A flag, a text, a path, or a list of words or numbers.
   template <typename T>
   void operator()(const char* key, T& option, const std::string& meaning) const {
     visitor_->visit(path(key), option, meaning);
@@ -84,9 +96,19 @@ class Keys {
   template <typename T>
   void operator()(const char* key, T& option, const std::vector<std::string>& words, const std::string& meaning) const {
     static_assert(std::is_enum_v<T> || std::is_same_v<T, bool>);
-    int index = static_cast<int>(option);
+    std::optional<int> index = static_cast<int>(option);
     visitor_->visit_word(path(key), index, words, meaning);
-    option = static_cast<T>(index);
+    option = static_cast<T>(*index);
+  }
+  /// An enumeration without a default.
+  template <typename T>
+  void operator()(const char* key, std::optional<T>& option, const std::vector<std::string>& words,
+                  const std::string& meaning) const {
+    static_assert(std::is_enum_v<T>);
+    std::optional<int> index;
+    if (option) index = static_cast<int>(*option);
+    visitor_->visit_word(path(key), index, words, meaning);
+    if (index) option = static_cast<T>(*index);
   }
   /// A list of mappings with the keys of T. Items of a configuration start with the defaults of T.
   template <typename T>

@@ -27,6 +27,8 @@ std::vector<Camera> make_cameras(int count, int size, std::uint64_t seed, Lens l
 class Studio {
  public:
   Studio(const Actor& actor, std::vector<Camera> cameras, const StudioOptions& options = {});
+  Studio(const Studio&) = delete;
+  Studio& operator=(const Studio&) = delete;
   ~Studio();
 
   /// Sets the actor's surface for the following images. @param vertices [N] world metres

@@ -20,9 +20,8 @@ const StageEntry& stage_entry(const std::string& name) {
     if (entry.name == name) return entry;
     names.push_back(entry.name);
   }
-  const auto meant = nearest_word(name, names);
   fail<UsageError>("there is no stage \"{}\"; the stages are {}{}", name, fmt::join(names, ", "),
-                   meant ? "; did you mean " + *meant + "?" : "");
+                   nearest_word_hint(name, names));
 }
 
 std::vector<std::string> stage_words() {

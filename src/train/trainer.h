@@ -62,6 +62,8 @@ class Trainer {
   /// @param ranks that train together, each with its own Trainer; null: this process alone. They see what one rank
   /// sees: the same batches, losses and weights up to rounding. Only rank 0 writes; all must read the same folder
   Trainer(Stage& stage, const TrainerOptions& options, const RunFolder& run, Ranks* ranks = nullptr);
+  Trainer(const Trainer&) = delete;
+  Trainer& operator=(const Trainer&) = delete;
   ~Trainer();
 
   /// Resumes from the newest checkpoint, if there is one. Trains until all iterations are done, the time limit is

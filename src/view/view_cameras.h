@@ -19,6 +19,8 @@ class ViewCameras {
   /// The cameras that have a video, or images, of the sequence; none when its files are missing.
   /// @throws Error as choose_cameras and fit_to_images
   ViewCameras(const Capture& capture, const SequenceEntry& sequence);
+  ViewCameras(const ViewCameras&) = delete;
+  ViewCameras& operator=(const ViewCameras&) = delete;
   ~ViewCameras();
 
   std::size_t size() const { return views_.size(); }

@@ -14,6 +14,8 @@ class ViewSender {
   /// @param address the one that `doppel view` prints, `http://127.0.0.1:PORT/?token=...`
   /// @throws UsageError for another address or another computer
   explicit ViewSender(const std::string& address);
+  ViewSender(const ViewSender&) = delete;
+  ViewSender& operator=(const ViewSender&) = delete;
   ~ViewSender();
 
   /// Whether an address is meant for a viewer.

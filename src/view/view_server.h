@@ -35,6 +35,8 @@ class ViewServer {
  public:
   /// Binds the port; 0: any free one. @throws Error when the port is taken
   ViewServer(ViewSubject subject, int port);
+  ViewServer(const ViewServer&) = delete;
+  ViewServer& operator=(const ViewServer&) = delete;
   ~ViewServer();
 
   /// `http://127.0.0.1:PORT/?token=...`

@@ -92,11 +92,9 @@ std::unique_ptr<CameraPath> make_calibrated_path(const std::vector<Camera>& came
     if (camera.has_distortion())
       log::warn("camera {} has a distorted lens; the image is drawn without distortion", camera.name);
   }
-  if (chosen.empty()) {
-    const auto meant = nearest_word(name, names);
-    fail<UsageError>("there is no camera '{}'{}; the cameras are: {}", name,
-                     meant ? "; did you mean " + *meant + "?" : std::string(), fmt::join(names, " "));
-  }
+  if (chosen.empty())
+    fail<UsageError>("there is no camera '{}'; the cameras are {}{}", name, fmt::join(names, ", "),
+                     nearest_word_hint(name, names));
   return std::make_unique<CalibratedPath>(std::move(chosen), name);
 }
 

@@ -25,6 +25,8 @@ using OnnxAttributes =
 class OnnxGraph {
  public:
   OnnxGraph();
+  OnnxGraph(const OnnxGraph&) = delete;
+  OnnxGraph& operator=(const OnnxGraph&) = delete;
   ~OnnxGraph();
 
   /// @param sizes a dimension of -1 is the batch, which is called `batch`

@@ -7,9 +7,27 @@
 #include <vector>
 
 #include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/detect/networks/network_options.h"
 
 namespace doppel {
+
+/// The keys of one network as a configuration writes them: those below `options` stand for
+/// its members of the same names.
+struct NetworkKeys {
+  NetworkKeys() : NetworkKeys(NetworkOptions()) {}
+  explicit NetworkKeys(const NetworkOptions& network);
+
+  NetworkOptions options;
+  std::string model, weights;
+  std::vector<int> input;
+  std::vector<double> mean, deviation;  ///< colours from 0 to `range`
+  double range = 255.0;
+  std::optional<double> scale;
+};
+void describe_keys(const Keys& keys, NetworkKeys& network);
+/// Without `boxes`, whose keys are those of a network.
+void describe_keys(const Keys& keys, CropOptions& crop);
 
 /// Reads the keys of networks (docs/detect.md). Keys that are not given have the values of `config`, which is a name of
 /// `builtin_network_configs` or a YAML file with the same keys, otherwise their defaults. Such a file may name another

@@ -15,6 +15,8 @@ class VmcSender {
   /// @param address `vmc://HOST:PORT`, for example `vmc://127.0.0.1:39539`
   /// @throws UsageError for another address, a host that is not found, or as VmcAvatar
   VmcSender(const std::string& address, const Character& character);
+  VmcSender(const VmcSender&) = delete;
+  VmcSender& operator=(const VmcSender&) = delete;
   ~VmcSender();
 
   /// Never waits, and never fails when nobody listens. @param seconds since the start @param tracked whether the person

@@ -53,11 +53,9 @@ void check_name(const FileLocation& file, const std::string& written, const std:
   std::vector<std::string> known = body_joint_names();
   known.insert(known.end(), extra_point_names().begin(), extra_point_names().end());
   if (std::find(known.begin(), known.end(), name) != known.end()) return;
-  const auto meant = nearest_word(name, known);
   std::string list;
   for (const std::string& word : body_joint_names()) list += (list.empty() ? "" : ", ") + word;
-  fail_at(file, "'{}' is not the name of a joint{}; known are {}", written,
-          meant ? ", did you mean " + *meant + "?" : "", list);
+  fail_at(file, "'{}' is not the name of a joint; known are {}{}", written, list, nearest_word_hint(name, known));
 }
 
 Json parse(const std::filesystem::path& path) {

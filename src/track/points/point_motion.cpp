@@ -81,9 +81,8 @@ class Triangulator {
 
   std::optional<TriangulatedPoint> point_of(const std::vector<Sight>& sights) const {
     if (sights.size() < 2) return std::nullopt;
-    std::optional<TriangulatedPoint> point = triangulate(sights, triangulation_);
-    if (point && agreeing_views(*point) < 2) point.reset();
-    return point;
+    const std::optional<TriangulatedPoint> point = triangulate(sights, triangulation_);
+    return point && agreeing_views(*point) >= 2 ? point : std::nullopt;
   }
 
   bool agrees(const TriangulatedPoint& point, std::size_t sight) const {

@@ -14,7 +14,7 @@
 namespace doppel {
 namespace {
 
-constexpr float kDepthTolerance = 0.02f;  // metres, so that a slanted surface does not occlude itself
+constexpr float kOcclusionTolerance = 0.02f;  // metres, so that a slanted surface does not occlude itself
 
 torch::Tensor to_tensor(const Eigen::Matrix3Xd& vertices) {
   torch::Tensor result = torch::empty({1, vertices.cols(), 3});
@@ -108,7 +108,7 @@ SurfaceView SurfaceViewer::look(const PosedSurface& surface, const CropBox& wind
     if (!(u >= 1.0 && v >= 1.0 && u < pixels - 1 && v < pixels - 1)) continue;
     const int column = static_cast<int>(u), row = static_cast<int>(v);
     view.visible[i] = surface.normals[i].dot(centre - vertex) > 0.0 &&
-                      depth[row * pixels + column] >= static_cast<float>(seen.z()) - kDepthTolerance;
+                      depth[row * pixels + column] >= static_cast<float>(seen.z()) - kOcclusionTolerance;
     if (state_->on_outline(face_id, column, row))
       view.outline.push_back({0, static_cast<int>(i), reference * state_->distance(face_id, u, v)});
   }
