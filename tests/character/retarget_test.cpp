@@ -166,8 +166,9 @@ TEST(RetargetRejects, MapsThatDoNotFit) {
     spoil(map);
     return message_of<FileError>([&] { retarget(actor().skeleton, tracks, map); });
   };
-  EXPECT_THAT(complaint([](JointMap& map) { map.pairs[2].target = "Sog2"; }),
-              AllOf(HasSubstr("map.yaml:7"), HasSubstr("character has no joint 'Sog2'"), HasSubstr("did you mean Seg2")));
+  EXPECT_THAT(
+      complaint([](JointMap& map) { map.pairs[2].target = "Sog2"; }),
+      AllOf(HasSubstr("map.yaml:7"), HasSubstr("character has no joint 'Sog2'"), HasSubstr("did you mean Seg2")));
   EXPECT_THAT(complaint([](JointMap& map) { map.pairs[2].source = "Seg2_rq"; }),
               AllOf(HasSubstr("motion's skeleton has no joint 'Seg2_rq'"), HasSubstr("did you mean Seg2_r")));
   EXPECT_THAT(complaint([](JointMap& map) { map.pairs[2].target = "Seg1"; }), HasSubstr("mapped twice"));

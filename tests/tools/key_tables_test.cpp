@@ -5,7 +5,7 @@
 
 #include <map>
 
-#include "doppel/core/text_reader.h"
+#include "doppel/core/atomic_file.h"
 #include "tools/run_program.h"
 
 namespace doppel::tools {
@@ -17,8 +17,9 @@ namespace fs = std::filesystem;
 std::map<std::string, std::string> documented_tables() {
   const std::string begin = "<!-- keys: ", middle = " -->\n\n", end = "\n<!-- end -->";
   std::map<std::string, std::string> tables;
-  for (const char* page : {"tracking.md", "training.md"}) {
-    const std::string text = read_file(fs::path(DOPPEL_SOURCE_DIR) / "docs" / page);
+  for (const fs::directory_entry& page : fs::directory_iterator(fs::path(DOPPEL_SOURCE_DIR) / "docs")) {
+    if (page.path().extension() != ".md") continue;
+    const std::string text = read_file(page.path());
     for (std::size_t at = text.find(begin); at != std::string::npos; at = text.find(begin, at + 1)) {
       const std::size_t name = at + begin.size(), table = text.find(middle, name);
       if (table == std::string::npos) continue;

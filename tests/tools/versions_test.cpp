@@ -2,9 +2,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <string>
 
+#include "doppel/core/atomic_file.h"
 #include "doppel/core/cpu_dispatch.h"
 #include "run_program.h"
 
@@ -13,6 +16,23 @@ namespace {
 
 using tools::Outcome;
 using tools::run;
+
+/// The first match of the group of `pattern` in a file of the tree.
+std::string written_in(const std::string& file, const std::string& pattern) {
+  const std::string text = read_file(std::filesystem::path(DOPPEL_SOURCE_DIR) / file);
+  std::smatch match;
+  return std::regex_search(text, match, std::regex(pattern)) ? match[1].str() : "none in " + file;
+}
+
+TEST(Version, IsTheSameWhereverItIsWritten) {
+  std::string version = run("--version").out;
+  version.pop_back();
+  EXPECT_EQ(written_in("CHANGELOG.md", "\n## ([0-9.]+) - "), version);
+  EXPECT_EQ(written_in("CITATION.cff", "\nversion: (\\S+)"), version);
+  EXPECT_EQ(written_in("python/pyproject.toml", "\nversion = \"(.*)\""), version);
+  EXPECT_EQ(written_in("docs/platforms.md", "/doppel_(.*)_amd64.deb"), version);
+  EXPECT_EQ(written_in("CITATION.cff", "\ndate-released: (\\S+)"), written_in("CHANGELOG.md", "\n## [0-9.]+ - (\\S+)"));
+}
 
 TEST(InfoVersions, NamesProgramLibrariesAndProcessor) {
   const Outcome described = run("info --versions --json --threads 2");
