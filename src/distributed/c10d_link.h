@@ -41,6 +41,8 @@ class Exchange {
  public:
   struct Impl;
   explicit Exchange(std::unique_ptr<Impl> impl);
+  Exchange(const Exchange&) = delete;
+  Exchange& operator=(const Exchange&) = delete;
   Exchange(Exchange&&) noexcept;
   Exchange& operator=(Exchange&&) noexcept;
   ~Exchange();

@@ -267,7 +267,7 @@ struct ViewServer::State {
     return request.get_header_value("Cookie").find(cookie() + "=" + token) != std::string::npos;
   }
 
-  void answer(const char* path, bool post, std::function<std::string(const httplib::Request&)> body,
+  void answer(const char* path, bool post, const std::function<std::string(const httplib::Request&)>& body,
               const char* type = "application/octet-stream", std::size_t largest = kMaxRequestBytes) {
     const auto handler = [body, type](const httplib::Request& request, httplib::Response& response) {
       try {
@@ -296,7 +296,7 @@ struct ViewServer::State {
     for (const ViewPageFile& file : kViewPage) {
       const auto handler = [this, &file](const httplib::Request&, httplib::Response& response) {
         response.set_header("Set-Cookie", fmt::format("{}={}; HttpOnly; SameSite=Strict; Path=/", cookie(), token));
-        response.set_content(file.content.data(), file.content.size(), std::string(file.type).c_str());
+        response.set_content(file.content.data(), file.content.size(), std::string(file.type));
       };
       server.Get(std::string(file.path), handler);
       if (file.path == "/index.html") server.Get("/", handler);

@@ -29,6 +29,8 @@ class BodyDetector {
   /// @throws as `find_model` and `read_tflite`; FileError when a model has other inputs or outputs than expected
   explicit BodyDetector(const BodyDetectorOptions& options = {});
   ~BodyDetector();
+  BodyDetector(const BodyDetector&) = delete;
+  BodyDetector& operator=(const BodyDetector&) = delete;
   BodyDetector(BodyDetector&&) noexcept;
   BodyDetector& operator=(BodyDetector&&) noexcept;
 

@@ -31,6 +31,8 @@ class Network {
   /// @throws FileError when `check_shapes` refuses the model, or XNNPACK does
   Network(const NetworkModel& model, std::shared_ptr<NetworkThreads> threads);
   ~Network();
+  Network(const Network&) = delete;
+  Network& operator=(const Network&) = delete;
   Network(Network&&) noexcept;
   Network& operator=(Network&&) noexcept;
 

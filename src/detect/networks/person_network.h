@@ -26,6 +26,8 @@ class PersonNetwork {
   /// @throws as ImageNetwork, for each network; UsageError when a crop has no fixed input size
   PersonNetwork(const PersonNetworkOptions& options, int points);
   ~PersonNetwork();
+  PersonNetwork(const PersonNetwork&) = delete;
+  PersonNetwork& operator=(const PersonNetwork&) = delete;
   PersonNetwork(PersonNetwork&&) noexcept;
   PersonNetwork& operator=(PersonNetwork&&) noexcept;
 

@@ -31,6 +31,8 @@ class Rasterizer {
   /// @throws Error for another shape or type, or a negative index
   explicit Rasterizer(const torch::Tensor& faces, const RasterizerOptions& options = {});
   ~Rasterizer();
+  Rasterizer(const Rasterizer&) = delete;
+  Rasterizer& operator=(const Rasterizer&) = delete;
   Rasterizer(Rasterizer&&) noexcept;
   Rasterizer& operator=(Rasterizer&&) noexcept;
 

@@ -25,6 +25,8 @@ class ScanPainter {
   /// @param mesh metres; must outlive the painter
   explicit ScanPainter(const TriangleMesh& mesh);
   ~ScanPainter();
+  ScanPainter(const ScanPainter&) = delete;
+  ScanPainter& operator=(const ScanPainter&) = delete;
   ScanPainter(ScanPainter&&) noexcept;
   ScanPainter& operator=(ScanPainter&&) noexcept;
 

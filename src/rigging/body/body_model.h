@@ -21,6 +21,8 @@ class BodyModel {
   /// @throws Error when the counts cannot be reached
   explicit BodyModel(int num_vertices = 5000, int num_nodes = 500);
   ~BodyModel();
+  BodyModel(const BodyModel&) = delete;
+  BodyModel& operator=(const BodyModel&) = delete;
   BodyModel(BodyModel&&) noexcept;
   BodyModel& operator=(BodyModel&&) noexcept;
 

@@ -16,6 +16,8 @@ class OutlineFinder {
   /// @param pixels side of the windows @param most vertices of one camera; more are thinned out evenly
   OutlineFinder(const Character& character, std::vector<PinholeCamera> cameras, int pixels, int most);
   ~OutlineFinder();
+  OutlineFinder(const OutlineFinder&) = delete;
+  OutlineFinder& operator=(const OutlineFinder&) = delete;
   OutlineFinder(OutlineFinder&&) noexcept;
   OutlineFinder& operator=(OutlineFinder&&) noexcept;
 

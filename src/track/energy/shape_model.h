@@ -102,7 +102,7 @@ class ShapeModel {
   void add_landmark_jacobian(const PosedShape& shape, int landmark, const Eigen::Vector3d& gradient, Row row) const;
   void add_vertex_jacobian(const PosedShape& shape, const SkinnedVertex& vertex, const Eigen::Vector3d& gradient,
                            Row row) const;
-  void add_vertex_jacobian(const PosedShape& shape, int vertex, const Eigen::Vector3d& gradient, Row row) const {
+  void add_vertex_jacobian(const PosedShape& shape, int vertex, const Eigen::Vector3d& gradient, const Row& row) const {
     add_vertex_jacobian(shape, skinned(shape, vertex), gradient, row);
   }
 

@@ -24,6 +24,8 @@ class SurfaceViewer {
   /// @param pixels side of the windows in which the surface is drawn
   SurfaceViewer(const Character& character, const PinholeCamera& camera, int pixels);
   ~SurfaceViewer();
+  SurfaceViewer(const SurfaceViewer&) = delete;
+  SurfaceViewer& operator=(const SurfaceViewer&) = delete;
   SurfaceViewer(SurfaceViewer&&) noexcept;
   SurfaceViewer& operator=(SurfaceViewer&&) noexcept;
 
