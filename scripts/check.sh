@@ -6,7 +6,7 @@
 #     shell         static checks of the scripts by shellcheck
 #     text          no white space at the ends of lines; YAML files can be read
 #     tests         release build and all tests (including the include levels)
-#     headers       every public and shared header compiles alone
+#     headers       every public and shared header compiles alone, ten minutes
 #     tidy          static checks by clang-tidy, half an hour
 #     tidy-changed  the same for the files that differ from DOPPEL_BASE, at most five minutes; the default is where this
 #                   branch left origin/main, or HEAD~1 without origin/main
