@@ -129,7 +129,7 @@ function(doppel_unity target batch)
   endforeach()
   list(REMOVE_DUPLICATES folders)
   foreach(folder IN LISTS folders)
-    # As many in each unit, so that none is much longer than the others.
+    # The units have equally many sources, so that no unit takes much longer than the others.
     list(LENGTH sources_of_${folder} count)
     math(EXPR units "(${count} + ${batch} - 1) / ${batch}")
     set(part 0)
@@ -223,7 +223,7 @@ function(doppel_module name)
   target_compile_features(${target} PUBLIC cxx_std_20)
   target_link_libraries(${target} PUBLIC doppel_flags Threads::Threads ${ARG_DEPENDS})
   if(ARG_TORCH)
-    # Each unit costs 3 s for LibTorch's templates: as few as possible.
+    # Each unit costs 3 s for LibTorch's templates, so the units span folders.
     doppel_unity(${target} ${batch})
     target_link_libraries(${target} PUBLIC doppel_torch)
     target_precompile_headers(${target} REUSE_FROM doppel_torch_pch)

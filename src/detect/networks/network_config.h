@@ -3,6 +3,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,8 +13,8 @@
 
 namespace doppel {
 
-/// The keys of one network as a configuration writes them: those below `options` stand for
-/// its members of the same names.
+/// The keys of one network as a configuration writes them. The members after `options` stand for its members of the
+/// same names, `scale` for the reciprocal of the deviation.
 struct NetworkKeys {
   NetworkKeys() : NetworkKeys(NetworkOptions()) {}
   explicit NetworkKeys(const NetworkOptions& network);
