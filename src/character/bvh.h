@@ -34,7 +34,8 @@ struct BvhClip {
   std::vector<Eigen::Affine3d> pose(const std::vector<double>& row) const;
 };
 
-/// Reads a BVH file, with any order of channels, End Sites, CRLF, tabs and names with blanks.
+/// Reads a BVH file, with any order of channels, End Sites, CRLF, tabs, names with blanks, and the words of the format
+/// in upper or lower case (`ZPosition`, `End site`). Channels of scale are read where all their values are 1.
 /// @param metres_per_unit the file's unit of length; if missing, the unit (metres, centimetres or millimetres) is
 ///   guessed from the size of the skeleton (0.5 to 3 m across) and logged
 /// @throws FileError with the line: truncated, NaN, impossible counts, repeated names or channels, a row of another

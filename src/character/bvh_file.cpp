@@ -1,6 +1,8 @@
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "doppel/character/bvh.h"
@@ -17,19 +19,30 @@ namespace {
 
 const std::vector<std::string> kChannelNames{"Xposition", "Yposition", "Zposition",
                                              "Xrotation", "Yrotation", "Zrotation"};
+/// Channels that some programs add to each joint. Bones keep their lengths here, so their values must be 1.
+const std::vector<std::string> kScaleNames{"Xscale", "Yscale", "Zscale"};
+constexpr double kNoScale = 1e-3;  ///< a scale that is nearer to 1 changes nothing
+
+std::string lower_case(std::string_view text) {
+  std::string lower(text);
+  std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });
+  return lower;
+}
 
 /// Joints without channels beyond this number are refused: each of them takes time in each frame, but no bytes.
 constexpr std::size_t kFewJoints = 500;
+constexpr long kMaxFrames = 10'000'000;
 
 /// Reads the hierarchy as a stream of words, because some writers put braces on separate lines and others do not. Reads
-/// the motion line by line.
+/// the motion line by line. Programs spell the words of the format in upper and lower case; names of joints are taken
+/// as they are written.
 class BvhReader {
  public:
   explicit BvhReader(const std::filesystem::path& path) : text_(path, "a BVH file") {}
 
   BvhClip read() {
     text_.require_line("HIERARCHY");
-    if (text_.tokens()[0] != "HIERARCHY")
+    if (!is(text_.tokens()[0], "hierarchy"))
       text_.fail_here("not a BVH file: it must begin with HIERARCHY, found '{}'", excerpt(text_.line()));
     word_ = 1;
     read_hierarchy();
@@ -42,7 +55,10 @@ class BvhReader {
   struct Open {
     int joint;
     bool is_end = false, has_offset = false, has_channels = false, has_child = false;
+    int end_sites = 0;
   };
+
+  static bool is(std::string_view word, std::string_view lower) { return lower_case(word) == lower; }
 
   /// Moves to the next word, across lines. @return its index in the line
   std::size_t next(const char* expected) {
@@ -58,31 +74,30 @@ class BvhReader {
   }
 
   void read_hierarchy() {
-    if (const auto word = next_word("ROOT"); word != "ROOT")
+    if (const auto word = next_word("ROOT"); !is(word, "root"))
       text_.fail_here("HIERARCHY must be followed by ROOT, found '{}'", excerpt(word));
     begin_joint();
     while (!open_.empty()) {
       const auto word = next_word("the end of the hierarchy");
       if (word == "}") {
         end_joint();
-      } else if (word == "OFFSET") {
+      } else if (is(word, "offset")) {
         read_offset();
-      } else if (word == "CHANNELS") {
+      } else if (is(word, "channels")) {
         read_channels();
-      } else if (word == "JOINT") {
+      } else if (is(word, "joint")) {
         begin_joint();
-      } else if (word == "End") {
+      } else if (is(word, "end")) {
         begin_end_site();
       } else {
         text_.fail_here("found '{}' in joint '{}', where OFFSET, CHANNELS, JOINT, End Site or }} is allowed",
                         excerpt(word), excerpt(joint().name));
       }
     }
-    channels_ = as_size(clip_.num_channels());
-    if (channels_ == 0) text_.fail_here("no joint of the hierarchy has CHANNELS, so nothing can move");
-    if (clip_.joints.size() > kFewJoints + 2 * channels_)
+    if (is_scale_.empty()) text_.fail_here("no joint of the hierarchy has CHANNELS, so nothing can move");
+    if (clip_.joints.size() > kFewJoints + 2 * is_scale_.size())
       text_.fail_here("{} joints share {} channels; allowed are twice as many joints as channels, and {} more",
-                      clip_.joints.size(), channels_, kFewJoints);
+                      clip_.joints.size(), is_scale_.size(), kFewJoints);
   }
 
   void begin_joint() {
@@ -94,10 +109,13 @@ class BvhReader {
     add(name, false);
   }
 
+  /// Some programs give an End Site a name, which says no more than that of its joint.
   void begin_end_site() {
-    if (next_word("Site") != "Site") text_.fail_here("End must be followed by Site");
+    if (!is(next_word("Site"), "site")) text_.fail_here("End must be followed by Site");
+    while (word_ < text_.tokens().size() && text_.tokens()[word_] != "{") ++word_;
     if (open_.back().is_end) text_.fail_here("an End Site within an End Site");
-    add(clip_.joints[open_.back().joint].name + "_end", true);
+    const int count = ++open_.back().end_sites;
+    add(clip_.joints[open_.back().joint].name + "_end" + (count > 1 ? std::to_string(count) : ""), true);
   }
 
   void add(const std::string& name, bool is_end) {
@@ -132,50 +150,80 @@ class BvhReader {
     if (std::exchange(open_.back().has_channels, true))
       text_.fail_here("the joint '{}' has a second line of CHANNELS", excerpt(joint().name));
     const std::size_t token = next("the number of channels");
-    const long count = text_.integer(token, "number of channels", 0, 6);
+    const long count = text_.integer(token, "number of channels", 0, 9);
+    std::set<std::string> seen;
     for (long i = 0; i < count; ++i) {
       const std::string word(next_word("the name of a channel"));
-      const auto known = std::find(kChannelNames.begin(), kChannelNames.end(), word);
-      if (known == kChannelNames.end())
-        text_.fail_here("unknown channel '{}'; allowed: {}", excerpt(word), fmt::join(kChannelNames, " "));
-      const auto channel = static_cast<BvhChannel>(known - kChannelNames.begin());
-      auto& channels = joint().channels;
-      if (std::count(channels.begin(), channels.end(), channel) > 0)
+      const std::size_t known = channel_of(word);
+      if (!seen.insert(lower_case(word)).second)
         text_.fail_here("the joint '{}' has the channel {} twice", excerpt(joint().name), word);
-      channels.push_back(channel);
+      is_scale_.push_back(known >= kChannelNames.size());
+      if (!is_scale_.back()) joint().channels.push_back(static_cast<BvhChannel>(known));
     }
   }
 
+  /// The index among the channels that move a joint, followed by the scales.
+  std::size_t channel_of(const std::string& word) const {
+    std::vector<std::string> all = kChannelNames;
+    all.insert(all.end(), kScaleNames.begin(), kScaleNames.end());
+    const auto known = std::find_if(all.begin(), all.end(),
+                                    [&](const std::string& name) { return lower_case(name) == lower_case(word); });
+    if (known == all.end()) text_.fail_here("unknown channel '{}'; allowed: {}", excerpt(word), fmt::join(all, " "));
+    return as_size(known - all.begin());
+  }
+
   void read_motion() {
-    if (const auto word = next_word("MOTION"); word != "MOTION")
+    if (const auto word = next_word("MOTION"); !is(word, "motion"))
       text_.fail_here("the hierarchy must be followed by MOTION, found '{}'; a second skeleton cannot be read",
                       excerpt(word));
-    text_.require_line("Frames:");
-    if (text_.tokens()[0] != "Frames:") text_.fail_here("expected 'Frames: <number>'");
-    const std::size_t frames = text_.count(1, "number of frames");
-    if (frames == 0) text_.fail_here("the motion has no frames");
-    text_.require_line("Frame Time:");
-    if (text_.tokens().size() < 3 || text_.tokens()[0] != "Frame" || text_.tokens()[1] != "Time:")
-      text_.fail_here("expected 'Frame Time: <seconds>'");
-    clip_.seconds_per_frame = text_.number(2, "frame time");
-    if (clip_.seconds_per_frame < 1e-4 || clip_.seconds_per_frame > 10.0)
+    const double frames = read_header("frames", "Frames: <number>");
+    if (!(frames >= 1 && frames <= static_cast<double>(kMaxFrames) && frames == std::floor(frames)))
+      text_.fail_here("the number of frames is {}; allowed is a whole number from 1 to {}", frames, kMaxFrames);
+    clip_.seconds_per_frame = read_header("frametime", "Frame Time: <seconds>");
+    if (!(clip_.seconds_per_frame >= 1e-4 && clip_.seconds_per_frame <= 10.0))
       text_.fail_here("a frame lasts {} seconds; allowed: 0.0001 to 10", clip_.seconds_per_frame);
-    for (std::size_t f = 0; f < frames; ++f) read_row(f, frames);
-    if (text_.next_line()) text_.fail_here("more lines follow after the {} frames that the file states", frames);
+    const auto count = static_cast<std::size_t>(frames);
+    for (std::size_t f = 0; f < count; ++f) read_row(f, count);
+    if (text_.next_line()) text_.fail_here("more lines follow after the {} frames that the file states", count);
+  }
+
+  /// The number in the next line, which is `<key>: <number>` with or without blanks.
+  /// @param key in lower case, without blanks
+  double read_header(std::string_view key, const char* expected) {
+    text_.require_line(expected);
+    const std::string_view line = text_.line();
+    const std::size_t colon = line.find(':');
+    std::string found = lower_case(line.substr(0, colon));
+    std::erase_if(found, [](char c) { return c == ' ' || c == '\t'; });
+    std::string_view value = colon == std::string_view::npos ? "" : line.substr(colon + 1);
+    value.remove_prefix(std::min(value.find_first_not_of(" \t"), value.size()));
+    const std::optional<double> number = parse_number(value);
+    if (found != key || !number) text_.fail_here("expected '{}', found '{}'", expected, excerpt(line));
+    return *number;
   }
 
   void read_row(std::size_t frame, std::size_t frames) {
     text_.require_line("a frame");
-    if (text_.tokens().size() != channels_)
+    if (text_.tokens().size() != is_scale_.size())
       text_.fail_here("frame {} of {} has {} numbers, the hierarchy {} channels", frame + 1, frames,
-                      text_.tokens().size(), channels_);
-    std::vector<double> row(channels_);
-    for (std::size_t c = 0; c < channels_; ++c) row[c] = text_.length(c, "channel", 1.0);
+                      text_.tokens().size(), is_scale_.size());
+    std::vector<double> row;
+    for (std::size_t c = 0; c < is_scale_.size(); ++c) {
+      const double value = text_.length(c, "channel", 1.0);
+      if (!is_scale_[c])
+        row.push_back(value);
+      else if (std::abs(value - 1.0) > kNoScale)
+        text_.fail_here(
+            "frame {} of {} scales a joint by {}; bones keep their lengths here, so only the scale 1 is read. Bake the "
+            "scales in the program that wrote the file, or export it without them",
+            frame + 1, frames, value);
+    }
     clip_.frames.push_back(std::move(row));
   }
 
   TextReader text_;
-  std::size_t word_ = 0, channels_ = 0;
+  std::size_t word_ = 0;
+  std::vector<bool> is_scale_;  ///< of each number in a row
   BvhClip clip_;
   std::vector<Open> open_;
   std::map<std::string, int> lines_;

@@ -94,6 +94,67 @@ TEST(BvhReference, CarriageReturnsChangeNothing) {
   EXPECT_EQ(file.read(support::with_crlf(kText)).frames, file.read(kText).frames);
 }
 
+TEST(BvhReference, SpellingsOfOtherProgramsChangeNothing) {
+  BvhFile file;
+  const BvhClip expected = file.read(kText);
+  for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
+           {"HIERARCHY", "Hierarchy"},
+           {"ROOT Hips", "Root Hips"},
+           {"OFFSET 0.0", "Offset 0.0"},
+           {"CHANNELS 6", "channels 6"},
+           {"JOINT", "Joint"},
+           {"End Site", "End site"},
+           {"End Site", "END SITE"},
+           {"End Site", "End Site Toe tip"},
+           {"Xposition Yposition Zposition", "Xposition Yposition ZPosition"},
+           {"Xposition Yposition Zposition", "XPOSITION YPOSITION ZPOSITION"},
+           {"Yrotation Xrotation Zrotation", "yrotation xRotation ZRotation"},
+           {"MOTION", "Motion"},
+           {"Frames: 2", "Frames:2"},
+           {"Frames: 2", "FRAMES :\t2"},
+           {"Frame Time: 0.04", "Frame Time:0.04"},
+           {"Frame Time: 0.04", "Frame time:\t.04"},
+           {"Frame Time: 0.04", "FrameTime: 4e-2"}}) {
+    SCOPED_TRACE(to);
+    const BvhClip clip = file.read(with(from, to));
+    EXPECT_EQ(clip.frames, expected.frames);
+    EXPECT_EQ(clip.seconds_per_frame, expected.seconds_per_frame);
+    ASSERT_EQ(clip.joints.size(), expected.joints.size());
+    for (std::size_t j = 0; j < clip.joints.size(); ++j) {
+      EXPECT_EQ(clip.joints[j].name, expected.joints[j].name);
+      EXPECT_EQ(clip.joints[j].channels, expected.joints[j].channels);
+    }
+  }
+}
+
+TEST(BvhReference, ScalesOfOneChangeNothing) {
+  BvhFile file;
+  std::string text =
+      with("CHANNELS 3 Zrotation Xrotation Yrotation", "CHANNELS 6 Zrotation Xrotation Yrotation Xscale YScale zscale");
+  const auto end_rows = [&](const std::string& scales) {
+    std::string ended = text;
+    for (const std::string row : {"0 90 0 0 0 0 0 0 0\n", "100 90 0 90 0 0 0 90 0\n"})
+      ended.insert(ended.find(row) + row.size() - 1, scales);
+    return ended;
+  };
+  EXPECT_EQ(file.read(end_rows(" 1 1.0 1.00001")).frames, file.read(kText).frames);
+  EXPECT_THAT(file.complaint(end_rows(" 1 1.1 1")), AllOf(HasSubstr("a.bvh:18"), HasSubstr("by 1.1")));
+  EXPECT_THAT(file.complaint(end_rows(" 1 1")), AllOf(HasSubstr("11 numbers"), HasSubstr("12 channels")));
+  text = with("CHANNELS 6 Xposition", "CHANNELS 9 Xscale Yscale Zscale Xposition");
+  text.replace(text.find("\n0 90"), 1, "\n1 1 1 ");
+  text.replace(text.find("\n100 90"), 1, "\n1 1 1 ");
+  EXPECT_EQ(file.read(text).frames, file.read(kText).frames);
+}
+
+TEST(BvhReference, AJointMayHaveSeveralEndSites) {
+  BvhFile file;
+  const BvhClip clip = file.read(with("\t\tEnd Site\n", "\t\tEnd Site { OFFSET 5 0 0 }\n\t\tEnd Site\n"));
+  ASSERT_EQ(clip.joints.size(), 4u);
+  EXPECT_EQ(clip.joints[2].name, "Left Leg_end");
+  EXPECT_EQ(clip.joints[3].name, "Left Leg_end2");
+  EXPECT_DOUBLE_EQ(clip.joints[3].offset.y(), -0.8);
+}
+
 TEST(BvhReference, AStatedUnitIsTaken) {
   const TemporaryFolder folder;
   write_atomically(folder / "a.bvh", kText);
@@ -198,21 +259,24 @@ TEST(JointTracksReference, ResamplingKeepsBonesAndEnds) {
 
 TEST(BvhRejects, FaultsWithTheirLine) {
   BvhFile file;
-  EXPECT_THAT(file.complaint(with("HIERARCHY", "Hierarchy")), AllOf(HasSubstr("a.bvh:1"), HasSubstr("HIERARCHY")));
+  EXPECT_THAT(file.complaint(with("HIERARCHY", "Hierarchie")), AllOf(HasSubstr("a.bvh:1"), HasSubstr("HIERARCHY")));
   EXPECT_THAT(file.complaint(with("JOINT Left Leg", "JOINT Hips")),
               AllOf(HasSubstr("a.bvh:6"), HasSubstr("line 2"), HasSubstr("Hips")));
   EXPECT_THAT(file.complaint(with("OFFSET 10 -5 0", "OFFSET 10 -5")), HasSubstr("a.bvh:8"));
   EXPECT_THAT(file.complaint(with("OFFSET 10 -5 0", "OFFSET nan 0 0")), HasSubstr("a.bvh:7"));
   EXPECT_THAT(file.complaint(with("\t\tOFFSET 10 -5 0\n", "")), HasSubstr("no OFFSET"));
   EXPECT_THAT(file.complaint(with("OFFSET 0.0 90.0 0.0", "OFFSET 0 0 0 OFFSET 0 0 0")), HasSubstr("second OFFSET"));
-  EXPECT_THAT(file.complaint(with("CHANNELS 3 Z", "CHANNELS 7 Z")), AllOf(HasSubstr("a.bvh:8"), HasSubstr("7")));
+  EXPECT_THAT(file.complaint(with("CHANNELS 3 Z", "CHANNELS 10 Z")), AllOf(HasSubstr("a.bvh:8"), HasSubstr("10")));
   EXPECT_THAT(file.complaint(with("CHANNELS 3 Zrotation", "CHANNELS 3 Xrotation")), HasSubstr("twice"));
   EXPECT_THAT(file.complaint(with("CHANNELS 3 Zrotation", "CHANNELS 3 Wrotation")),
               AllOf(HasSubstr("Wrotation"), HasSubstr("Xposition")));
   EXPECT_THAT(file.complaint(with("Frames: 2", "Frames: 3")), HasSubstr("a.bvh:19"));
   EXPECT_THAT(file.complaint(with("Frames: 2", "Frames: 1")), HasSubstr("more lines"));
   EXPECT_THAT(file.complaint(with("Frames: 2", "Frames: 99999999999")), HasSubstr("a.bvh:16"));
+  for (const char* frames : {"Frames: 0", "Frames: 1.5", "Frames:", "Frames: nan", "Frames 2"})
+    EXPECT_THAT(file.complaint(with("Frames: 2", frames)), HasSubstr("a.bvh:16"));
   EXPECT_THAT(file.complaint(with("0.04", "0")), HasSubstr("a.bvh:17"));
+  EXPECT_THAT(file.complaint(with("Frame Time", "Time")), HasSubstr("expected 'Frame Time: <seconds>', found 'Time:"));
   EXPECT_THAT(file.complaint(with("0 90 0 0 0 0 0 0 0", "0 90 0 0 0 0 0 0")),
               AllOf(HasSubstr("a.bvh:18"), HasSubstr("8 numbers"), HasSubstr("9 channels")));
   EXPECT_THAT(file.complaint(with("0 90 0 0 0 0 0 0 0", "0 90 0 0 inf 0 0 0 0")), HasSubstr("a.bvh:18"));

@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 
+#include "doppel/character/bvh.h"
 #include "doppel/detect/keypoints/read_space_points.h"
 #include "doppel/io/motion_import/read_motion_file.h"
 #include "doppel/io/rig_import/import_rig.h"
@@ -119,6 +120,17 @@ TEST_P(RealMotions, OnAnotherBodyKeepTheDirectionsOfLimbs) {
 
 INSTANTIATE_TEST_SUITE_P(Real, RealMotions, support::rig_references(),
                          [](const auto& body) { return std::string(body.param); });
+
+class RealBvh : public support::SharedFolderTest {};
+
+TEST_F(RealBvh, SpellingsOfOtherProgramsHoldTheSameMotion) {
+  const fs::path folder = shared_ / "cases" / "14-bvh-spellings";
+  const BvhClip expected = read_bvh(folder / "reference.bvh");
+  for (const char* name : {"capital_ZPosition.bvh", "end_site_lower.bvh"}) {
+    SCOPED_TRACE(name);
+    EXPECT_EQ(read_bvh(folder / name).frames, expected.frames);
+  }
+}
 
 class RealMarkers : public support::SharedFolderTest {};
 
