@@ -19,7 +19,9 @@ cv::Mat read_texture(const ObjMaterial& material) {
   cv::Mat image;
   try {
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
-    if (!bytes.empty() && bytes.size() < (1u << 30)) image = cv::imdecode(encoded, cv::IMREAD_COLOR);
+    // Texture coordinates belong to the pixels as stored, so programs for meshes ignore EXIF orientations.
+    if (!bytes.empty() && bytes.size() < (1u << 30))
+      image = cv::imdecode(encoded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception&) {
     image.release();
   }

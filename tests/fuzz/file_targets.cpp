@@ -6,10 +6,12 @@
 #include "doppel/core/pickle.h"
 #include "doppel/data/capture/capture.h"
 #include "doppel/data/prepare/store_layout.h"
+#include "doppel/geometry/image_orientation.h"
 #include "doppel/io/motion_import/npz_file.h"
 #include "doppel/nets/weights/torch_pickle.h"
 #include "fuzz/fuzz_target.h"
 #include "io/motion_import/motion_writers.h"
+#include "support/oriented_image.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::fuzz {
@@ -195,6 +197,21 @@ void add_store(std::vector<FuzzTarget>& targets) {
   targets.push_back({"record_keypoints", read_keypoint_record, {encode_keypoints(std::vector<Keypoint>(2))}, {}});
 }
 
+void read_exif_bytes(std::string_view bytes, const Path& /*folder*/) {
+  const int orientation = exif_orientation(bytes);
+  promise(orientation >= 1 && orientation <= 8, "there are eight orientations");
+}
+
+/// Images with EXIF data, of each format that has them.
+FuzzTarget exif_target() {
+  const cv::Mat image(3, 5, CV_8UC3, cv::Scalar(10, 20, 30));
+  return {"exif",
+          read_exif_bytes,
+          {support::oriented_file(image, ".jpg", 6, true), support::oriented_file(image, ".png", 3, false),
+           support::oriented_file(image, ".webp", 8, true)},
+          {"Exif\0\0"s, "MM\0*"s, "II*\0"s, "\x01\x12\0\x03"s, "eXIf", "EXIF", "\xFF\xE1", "\xFF\xFF\xFF\xFF"}};
+}
+
 }  // namespace
 
 std::vector<FuzzTarget> file_targets() {
@@ -229,6 +246,7 @@ std::vector<FuzzTarget> file_targets() {
        read_shard_bytes,
        {kShard},
        {"[[[[", "{\"a\":", "null", "1e999", "\"0/1\"", "\"99999/100000\"", "\"prepare\"", "\"results\":", "\\u0000"}}};
+  targets.push_back(exif_target());
   add_store(targets);
   return targets;
 }

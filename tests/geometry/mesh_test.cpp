@@ -7,6 +7,7 @@
 #include "doppel/core/error.h"
 #include "geometry/meshes.h"
 #include "support/hostile_files.h"
+#include "support/oriented_image.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::mesh_test {
@@ -125,6 +126,21 @@ TEST(ObjReference, MaterialFilesOfTheField) {
 
   std::filesystem::remove(folder / "my sheet.mtl");
   EXPECT_TRUE(read_obj(folder / "other.obj", 1).texture.empty()) << "a missing material file is only a warning";
+}
+
+// As in Blender and MeshLab: the texture coordinates are those of the pixels as stored.
+TEST(ObjReference, TexturesAreNotTurned) {
+  const TemporaryFolder folder;
+  write_obj(folder / "sheet.obj", textured_sheet(), 1);
+  support::write_bytes(folder / "sheet.mtl", "newmtl material_0\nmap_Kd turned.jpg\n");
+  cv::Mat shown(8, 16, CV_8UC3, cv::Scalar::all(20));
+  shown.rowRange(0, 4) = cv::Scalar::all(200);
+  for (const int orientation : {3, 6}) {
+    support::write_bytes(folder / "turned.jpg", support::oriented_file(shown, ".jpg", orientation));
+    const cv::Mat texture = read_obj(folder / "sheet.obj", 1).texture, stored = support::stored_for(shown, orientation);
+    ASSERT_EQ(texture.size(), stored.size());
+    EXPECT_LT(cv::norm(texture, stored, cv::NORM_INF), 40.0) << orientation;
+  }
 }
 
 TEST(ObjRejects, BadFacesNamingTheLine) {

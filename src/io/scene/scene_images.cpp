@@ -93,7 +93,8 @@ cv::Mat SceneImages::of_bytes(const std::string& bytes) {
   if (pixels_ > kMaxPixels) return {};
   const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
   try {
-    return cv::imdecode(encoded, cv::IMREAD_COLOR);
+    // Texture coordinates belong to the pixels as stored: glTF's viewers and Blender ignore EXIF orientations.
+    return cv::imdecode(encoded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception&) {
     return {};  // an image that its decoder rejects counts as missing; the caller warns
   }

@@ -9,6 +9,7 @@
 #include "doppel/io/scene/read_scene.h"
 #include "support/gltf_writer.h"
 #include "support/message_of.h"
+#include "support/oriented_image.h"
 
 namespace doppel::gltf_test {
 namespace {
@@ -107,6 +108,23 @@ TEST_F(Gltf, MaterialsHaveColourAndTexture) {
   EXPECT_EQ(scene.materials.at(0).texture.at<cv::Vec3b>(0, 0), cv::Vec3b(0, 0, 200));
   EXPECT_NEAR(scene.materials[0].colour[1], 0.7354, 1e-4);             // sRGB of one half
   EXPECT_EQ(scene.primitives.at(0).uvs.at(2), Eigen::Vector2d(0, 0));  // v points up here, down in the file
+}
+
+TEST_F(Gltf, TexturesAreNotTurned) {
+  cv::Mat shown(8, 16, CV_8UC3, cv::Scalar::all(20));
+  shown.rowRange(0, 4) = cv::Scalar::all(200);
+  for (const int orientation : {3, 6}) {
+    GltfWriter file = bending_arm();
+    const std::string jpeg = support::oriented_file(shown, ".jpg", orientation);
+    file.json["images"] = {
+        {{"bufferView", file.view(std::vector<std::uint8_t>(jpeg.begin(), jpeg.end()))}, {"mimeType", "image/jpeg"}}};
+    file.json["textures"] = {{{"source", 0}}};
+    file.json["materials"] = {{{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}}};
+    file.json["meshes"][0]["primitives"][0]["material"] = 0;
+    const cv::Mat texture = read(file).materials.at(0).texture, stored = support::stored_for(shown, orientation);
+    ASSERT_EQ(texture.size(), stored.size());
+    EXPECT_LT(cv::norm(texture, stored, cv::NORM_INF), 40.0) << orientation;
+  }
 }
 
 TEST_F(Gltf, SparseAccessorsReplaceRows) {
