@@ -7,16 +7,20 @@
 #include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
 #include <set>
 #include <string>
 
 #include "calibrate_subcommands.h"
 #include "doppel/calibration/formats/read_calibration.h"
+#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
 #include "doppel/data/capture/video.h"
 #include "doppel/detect/keypoints/frame_names.h"
+#include "doppel/geometry/image_file.h"
+#include "doppel/geometry/image_orientation.h"
 
 namespace doppel::tools {
 
@@ -92,11 +96,20 @@ BoardSightings sightings_in(const BoardSource& source, const Board& board, long 
     return found;
   }
   Progress progress("boards in " + source.camera, static_cast<std::int64_t>(source.images.size()));
+  std::optional<int> orientation;
   for (const auto& [instant, path] : source.images) {
-    // As the sensor recorded it: a turned image would be another camera.
-    const cv::Mat image = cv::imread(path.string(), cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
-    if (image.empty()) fail("{}: cannot read this image", path.string());
-    look(instant, image, path.string());
+    const int turned = exif_orientation(read_file(path));
+    if (orientation.value_or(turned) != turned)
+      fail(
+          "{}: its EXIF orientation is {}, that of earlier images of this camera {}; turned images are those of "
+          "another "
+          "camera. Leave it out, or remove the orientation from all images of this camera and from its footage "
+          "(exiftool -Orientation=)",
+          path.string(), turned, *orientation);
+    orientation = turned;
+    cv::Mat grey;
+    cv::cvtColor(read_colour_image(path), grey, cv::COLOR_BGR2GRAY);
+    look(instant, grey, path.string());
     progress.advance();
   }
   return found;

@@ -11,6 +11,8 @@
 #include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/data/capture/capture.h"
 #include "run_program.h"
+#include "support/hostile_files.h"
+#include "support/oriented_image.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::tools::calibrate_rig_test {
@@ -104,25 +106,32 @@ TEST_F(CalibrateRig, RefineWritesACalibration) {
   EXPECT_EQ(read_calibration(path("other.toml")).size(), ground_truth.size());
 }
 
+/// Pose of the board of one view.
+auto board_pose(int view, const Board& board) {
+  const double a = 1.3 * view;
+  return support::facing({0.05 * std::sin(2.1 * a), 0.03 * std::cos(1.7 * a), 0.55}, {0, 0, 0},
+                         0.4 * std::sin(1.1 * a + 0.5), 0.4 * std::cos(0.9 * a), 0.2 * std::sin(3.0 * a), board);
+}
+
+Camera board_camera(const std::string& name) {
+  Camera camera;
+  camera.name = name;
+  camera.width = 400;
+  camera.height = 300;
+  camera.K << 430, 0, 200, 0, 430, 150, 0, 0, 1;
+  return camera;
+}
+
 TEST_F(CalibrateRig, BoardCalibratesFromFoldersOfImages) {
   const Board board = parse_board("chessboard:5x4:40mm");
-  std::vector<Camera> ground_truth(2);
+  std::vector<Camera> ground_truth{board_camera("left"), board_camera("right")};
   for (std::size_t c = 0; c < 2; ++c) {
-    ground_truth[c].name = c == 0 ? "left" : "right";
-    ground_truth[c].width = 400;
-    ground_truth[c].height = 300;
-    ground_truth[c].K << 430, 0, 200, 0, 430, 150, 0, 0, 1;
     ground_truth[c].R = Eigen::AngleAxisd(c == 0 ? 0.1 : -0.1, Eigen::Vector3d::UnitY()).toRotationMatrix();
     ground_truth[c].t = -ground_truth[c].R * Eigen::Vector3d(c == 0 ? -0.06 : 0.06, 0.0, 0.0);
     fs::create_directories(path(ground_truth[c].name));
-    for (int view = 0; view < 8; ++view) {
-      const double a = 1.3 * view;
-      const auto pose =
-          support::facing({0.05 * std::sin(2.1 * a), 0.03 * std::cos(1.7 * a), 0.55}, {0, 0, 0},
-                          0.4 * std::sin(1.1 * a + 0.5), 0.4 * std::cos(0.9 * a), 0.2 * std::sin(3.0 * a), board);
+    for (int view = 0; view < 8; ++view)
       cv::imwrite((path(ground_truth[c].name) / fmt::format("view_{}.png", view)).string(),
-                  support::drawn_board(ground_truth[c], pose, support::chessboard_paint(board), 3));
-    }
+                  support::drawn_board(ground_truth[c], board_pose(view, board), support::chessboard_paint(board), 3));
   }
   const Outcome found = run_words({"calibrate", "board", path("left"), path("right"), "--board", "chessboard:5x4:40mm",
                                    "--out", path("cameras.toml"), "--json"});
@@ -140,6 +149,32 @@ TEST_F(CalibrateRig, BoardCalibratesFromFoldersOfImages) {
       run_words({"calibrate", "board", path("left"), "--board", "chessboard:5x4", "--out", path("c.toml")});
   EXPECT_EQ(wrong.code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("is no board"));
+}
+
+// As footage: the camera of the calibration is the one whose images are shown upright.
+TEST_F(CalibrateRig, BoardObeysExifOrientations) {
+  const Board board = parse_board("chessboard:5x4:40mm");
+  const Camera camera = board_camera("phone");
+  fs::create_directories(path("phone"));
+  const auto write = [&](int view, int orientation) {
+    const cv::Mat shown = support::drawn_board(camera, board_pose(view, board), support::chessboard_paint(board), 3);
+    support::write_bytes(path("phone") / fmt::format("view_{}.png", view),
+                         support::oriented_file(shown, ".png", orientation));
+  };
+  for (int view = 0; view < 8; ++view) write(view, 6);
+  const std::vector<std::string> words{"calibrate",           "board", path("phone"),    "--board",
+                                       "chessboard:5x4:40mm", "--out", path("phone.yml")};
+  const Outcome found = run_words(words);
+  ASSERT_EQ(found.code, 0) << found.err;
+  const Camera calibrated = read_calibration(path("phone.yml")).at(0);
+  EXPECT_EQ(cv::Size(calibrated.width, calibrated.height), cv::Size(400, 300));
+  EXPECT_NEAR(calibrated.K(0, 2), camera.K(0, 2), 4.0);
+  EXPECT_NEAR(calibrated.K(1, 2), camera.K(1, 2), 4.0);
+
+  write(5, 3);
+  const Outcome mixed = run_words(words);
+  EXPECT_EQ(mixed.code, 1);
+  EXPECT_THAT(mixed.err, HasSubstr("view_5.png: its EXIF orientation is 3, that of earlier images of this camera 6"));
 }
 
 }  // namespace

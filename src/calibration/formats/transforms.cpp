@@ -4,7 +4,6 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
-#include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <set>
 
@@ -15,6 +14,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/text_reader.h"
+#include "doppel/geometry/image_file.h"
 
 namespace doppel {
 namespace {
@@ -179,24 +179,21 @@ class TransformsReader {
       std::error_code ignored;
       const std::filesystem::path image = resolve_path(path_, file + ending);
       if (!std::filesystem::is_regular_file(image, ignored)) continue;
-      const cv::Mat pixels = read_image(image);
-      camera.width = pixels.cols;
-      camera.height = pixels.rows;
+      const cv::Size pixels = size_of_image(image);
+      camera.width = pixels.width;
+      camera.height = pixels.height;
       return;
     }
   }
 
-  cv::Mat read_image(const std::filesystem::path& image) const {
-    cv::Mat pixels;
+  /// Size of an image as it is read from footage.
+  cv::Size size_of_image(const std::filesystem::path& image) const {
     try {
-      pixels = cv::imread(image.string(), cv::IMREAD_UNCHANGED);
-    } catch (const cv::Exception&) {
-      // An image that is too large; the message below names it.
-    }
-    if (pixels.empty())
+      return read_image(image).size();
+    } catch (const FileError&) {
       fail_at(where_, "reading a camera calibration: {}w and h are missing, and {} is no image; add \"w\" and \"h\"",
               what_, image.string());
-    return pixels;
+    }
   }
 
   void read_intrinsics(const TransformsJson& frame, Camera& camera) const {

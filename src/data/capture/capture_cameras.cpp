@@ -90,7 +90,8 @@ Camera fit_to_images(const Camera& camera, cv::Size images, const std::string& s
   if (std::abs(stretch) > kMaxStretch)
     fail(
         "camera {}: {} shows {}x{} pixels, but the calibration is for {}x{}, another aspect ratio; the images were "
-        "cropped or turned, or this is the calibration of other cameras",
+        "cropped or turned (by their metadata? See \"Turned videos and images\" in docs/capture.md), or this is the "
+        "calibration of other cameras",
         camera.name, source, images.width, images.height, camera.width, camera.height);
   if (std::abs(stretch) > kExactAspect)
     log::warn(

@@ -1,7 +1,6 @@
 #include "doppel/data/capture/mask_source.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -9,6 +8,7 @@
 #include "doppel/core/path_pattern.h"
 #include "doppel/detect/masks/components.h"
 #include "doppel/detect/masks/mask.h"
+#include "doppel/geometry/image_file.h"
 
 namespace doppel {
 
@@ -16,18 +16,11 @@ namespace {
 
 constexpr long kMaxEmptyFrames = 200;  ///< more frames do not improve the model of one scene
 
-cv::Mat read_background(const std::string& path) {
-  cv::Mat image;
-  if (std::filesystem::is_regular_file(path)) image = cv::imread(path, cv::IMREAD_COLOR);
-  if (image.empty()) fail_at({path, 0}, "the image of the empty studio is missing or cannot be decoded");
-  return image;
-}
-
 /// @param source of the empty scene, for one camera
 BackgroundModel learn_scene(const BackgroundSubtraction& subtraction, const std::string& source) {
   BackgroundModel model(subtraction.model);
   if (!has_frame_placeholder(source) && cv::haveImageReader(source)) {
-    model.learn(read_background(source));
+    model.learn(read_colour_image(source));
     return model;
   }
   const auto frames = open_frames(source, PixelFormat::colour);
@@ -47,9 +40,9 @@ MaskSource::MaskSource(const Capture& capture, const SequenceEntry& sequence, co
   if (const auto& subtraction = sequence.subtraction)
     model_ = learn_scene(*subtraction, source(subtraction->empty.empty() ? sequence.videos : subtraction->empty));
   else if (!sequence.chroma_key)
-    masks_ = open_frames(source(sequence.masks), PixelFormat::grey);
+    masks_ = open_frames(source(sequence.masks), PixelFormat::mask);
   else if (sequence.chroma_key->against_background)
-    background_ = read_background(source(capture.background));
+    background_ = read_colour_image(source(capture.background));
 }
 
 MaskSource::MaskSource(BackgroundModel model, const SequenceEntry& sequence, const Camera& camera)

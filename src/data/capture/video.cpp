@@ -2,15 +2,15 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
-#include <opencv2/videoio/registry.hpp>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/path_pattern.h"
+#include "doppel/data/capture/video_decoder.h"
+#include "doppel/geometry/image_file.h"
 
 namespace doppel {
 
@@ -18,113 +18,114 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// Converts an image to 8 bits and the requested number of channels; `source` and `frame` are for messages.
-cv::Mat convert(const cv::Mat& image, PixelFormat format, const std::string& source, long frame) {
-  cv::Mat bytes = image;
-  if (image.depth() == CV_16U)
-    image.convertTo(bytes, CV_8U, 1.0 / 257.0);
-  else if (image.depth() != CV_8U)
-    fail_at({source, 0}, "frame {} has neither 8 nor 16 bits per channel", frame);
-  cv::Mat result;
-  const int channels = bytes.channels();
-  if (format == PixelFormat::grey && channels != 1)
-    cv::cvtColor(bytes, result, channels == 4 ? cv::COLOR_BGRA2GRAY : cv::COLOR_BGR2GRAY);
-  else if (format == PixelFormat::colour && channels != 3)
-    cv::cvtColor(bytes, result, channels == 4 ? cv::COLOR_BGRA2BGR : cv::COLOR_GRAY2BGR);
-  else
-    result = bytes;
-  return result;
+constexpr int kAlphaSamples = 20;
+
+cv::Mat alpha_of(const cv::Mat& image) {
+  cv::Mat alpha;
+  cv::extractChannel(image, alpha, 3);
+  return alpha;
 }
 
-/// Prefers FFmpeg. Other backends print messages about unknown files, and they number frames differently.
-int backend() {
-  static const bool has_ffmpeg = cv::videoio_registry::hasBackend(cv::CAP_FFMPEG);
-  return has_ffmpeg ? cv::CAP_FFMPEG : cv::CAP_ANY;
+/// Whether an image has an alpha channel that tells pixels apart.
+bool has_varied_alpha(const cv::Mat& image) {
+  if (image.channels() != 4) return false;
+  double lowest = 0.0, highest = 0.0;
+  cv::minMaxLoc(alpha_of(image), &lowest, &highest);
+  return lowest < highest;
+}
+
+/// Brightness. What is not black does not become black, neither the label 1 of 16 bits nor a dark blue.
+cv::Mat to_mask(const cv::Mat& image) {
+  cv::Mat grey = image, bytes;
+  if (image.channels() != 1) {
+    cv::Mat black;
+    cv::cvtColor(image, grey, image.channels() == 4 ? cv::COLOR_BGRA2GRAY : cv::COLOR_BGR2GRAY);
+    cv::inRange(image, cv::Scalar::all(0), cv::Scalar(0, 0, 0, 65535), black);
+    grey.setTo(1, (grey == 0) & ~black);
+  }
+  if (grey.depth() != CV_16U) return grey;
+  grey.convertTo(bytes, CV_8U, 1.0 / 257.0, 0.498);  // rounded up
+  return bytes;
+}
+
+/// Converts an image to 8 bits and the requested number of channels; `source` and `frame` are for messages.
+cv::Mat convert(const cv::Mat& image, PixelFormat format, const std::string& source, long frame) {
+  if (image.depth() != CV_8U && image.depth() != CV_16U)
+    fail_at({source, 0}, "frame {} has neither 8 nor 16 bits per channel", frame);
+  if (format == PixelFormat::mask) return to_mask(image);
+  const cv::Mat colour = to_colour(image);
+  if (format == PixelFormat::colour) return colour;
+  cv::Mat grey;
+  cv::cvtColor(colour, grey, cv::COLOR_BGR2GRAY);
+  return grey;
+}
+
+/// Some elements, at most `most`, from the whole list.
+std::vector<long> evenly_chosen(const std::vector<long>& all, int most) {
+  if (all.size() <= as_size(most)) return all;
+  std::vector<long> chosen;
+  for (std::size_t i = 0; i < as_size(most); ++i) chosen.push_back(all[(2 * i + 1) * all.size() / (2 * as_size(most))]);
+  return chosen;
 }
 
 class VideoReader : public FrameReader {
  public:
-  VideoReader(std::string source, PixelFormat format) : source_(std::move(source)), format_(format) {
-    if (!fs::is_regular_file(source_)) fail_at({source_, 0}, "the video does not exist");
-    open();
-  }
+  VideoReader(std::string source, PixelFormat format) : source_(std::move(source)), format_(format), video_(source_) {}
 
   cv::Mat read(long frame) override {
     if (frame == next_ - 1 && !last_.empty()) return last_;
     if (frame < next_) fail("internal: frame {} of {} requested after frame {}", frame, source_, next_ - 1);
     while (next_ < frame) {
-      if (!video_.grab()) fail_missing(frame);
+      if (!video_.skip()) fail_missing(frame);
       ++next_;
     }
-    cv::Mat image;
-    if (!video_.read(image) || image.empty()) fail_missing(frame);
+    const cv::Mat image = video_.read();
+    if (image.empty()) fail_missing(frame);
     ++next_;
     last_ = convert(image, format_, source_, frame);
     return last_;
   }
 
-  cv::Size size() override {
-    return {static_cast<int>(video_.get(cv::CAP_PROP_FRAME_WIDTH)),
-            static_cast<int>(video_.get(cv::CAP_PROP_FRAME_HEIGHT))};
-  }
-
-  FootageFacts facts() {
-    const double fps = video_.get(cv::CAP_PROP_FPS);
-    const cv::Size pixels = size();
-    return {pixels.width, pixels.height, std::isfinite(fps) && fps > 0.0 ? fps : 0.0,
-            static_cast<long>(video_.get(cv::CAP_PROP_FRAME_COUNT))};
-  }
+  cv::Size size() override { return video_.size(); }
 
   long num_frames(long expected) override {
-    const auto stated = static_cast<long>(video_.get(cv::CAP_PROP_FRAME_COUNT));
+    const long stated = video_.stated_frames();
     if (stated == expected) return stated;
     // Headers contain only estimates in many containers, so the frames are counted.
-    cv::VideoCapture counter(source_, backend());
+    VideoDecoder counter(source_);
     long count = 0;
-    while (counter.grab()) ++count;
+    while (counter.skip()) ++count;
     if (count == 0) fail_missing(0);
     return count;
   }
 
   const std::string& source() const override { return source_; }
 
-  std::optional<double> seconds() const override { return 1e-3 * video_.get(cv::CAP_PROP_POS_MSEC); }
+  std::optional<double> seconds() const override { return video_.seconds(); }
 
- private:
-  void open() {
-    bool opened = false;
-    try {
-      opened = video_.open(source_, backend());
-    } catch (const cv::Exception&) {
-      // For a file that no backend can read, OpenCV may throw an exception instead of returning false.
+  std::vector<cv::Mat> samples(int most) override {
+    VideoDecoder video(source_);
+    std::vector<cv::Mat> images;
+    const long frames = std::max(1L, video.stated_frames());
+    for (long i = 0; i < std::min<long>(most, frames); ++i) {
+      if (i > 0) video.seek(i * frames / std::min<long>(most, frames));
+      const cv::Mat image = video.read();
+      if (!image.empty()) images.push_back(convert(image, format_, source_, i));
     }
-    const cv::Size pixels = opened ? size() : cv::Size();
-    if (!opened || pixels.width <= 0 || pixels.height <= 0)
-      fail_at({source_, 0}, "is no video that OpenCV can decode; it may be truncated, empty or in an unknown format");
+    return images;
   }
 
+ private:
   [[noreturn]] void fail_missing(long frame) const {
     fail_at({source_, 0}, "frame {} cannot be read: the video ends, or is damaged, after {} frames", frame, next_);
   }
 
   std::string source_;
   PixelFormat format_;
-  cv::VideoCapture video_;
+  VideoDecoder video_;
   cv::Mat last_;  ///< image of frame next_ - 1
   long next_ = 0;
 };
-
-/// The image as stored: any number of channels and bits. @throws FileError where OpenCV cannot decode the file
-cv::Mat read_image(const std::string& path) {
-  cv::Mat image;
-  try {
-    image = cv::imread(path, cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception&) {
-    image.release();
-  }
-  if (image.empty()) fail_at({path, 0}, "is not an image that OpenCV can decode");
-  return image;
-}
 
 class ImageReader : public FrameReader {
  public:
@@ -136,12 +137,19 @@ class ImageReader : public FrameReader {
   cv::Mat read(long frame) override {
     const std::string path = expand_pattern(pattern_, 0, "", frame);
     if (!fs::is_regular_file(path)) fail_at({path, 0}, "the image of frame {} does not exist", frame);
-    return convert(read_image(path), format_, path, frame);
+    const cv::Mat image = read_image(path);
+    return convert(is_mask_in_alpha(image) ? alpha_of(image) : image, format_, path, frame);
   }
 
   cv::Size size() override { return read(frames_.front()).size(); }
   long num_frames(long) override { return frames_.back() + 1; }
   const std::string& source() const override { return pattern_; }
+
+  std::vector<cv::Mat> samples(int most) override {
+    std::vector<cv::Mat> images;
+    for (const long frame : evenly_chosen(frames_, most)) images.push_back(read(frame));
+    return images;
+  }
 
  private:
   /// Finds the frame numbers by listing the folder. The part of a file name at {frame} must be a number that expands to
@@ -169,22 +177,35 @@ class ImageReader : public FrameReader {
     std::sort(frames_.begin(), frames_.end());
   }
 
+  /// Where the alpha channels of some masks vary, they are the masks. A channel that does not is then a frame without
+  /// the person, or full of it.
+  bool is_mask_in_alpha(const cv::Mat& image) {
+    if (format_ != PixelFormat::mask || image.channels() != 4) return false;
+    if (has_varied_alpha(image)) return true;
+    if (!alpha_varies_) {
+      const std::vector<long> some = evenly_chosen(frames_, kAlphaSamples);
+      alpha_varies_ = std::any_of(some.begin(), some.end(), [&](long frame) {
+        return has_varied_alpha(read_image(expand_pattern(pattern_, 0, "", frame)));
+      });
+    }
+    return *alpha_varies_;
+  }
+
   std::string pattern_;
   PixelFormat format_;
   std::vector<long> frames_;
+  std::optional<bool> alpha_varies_;  ///< in some of the images; nothing: they have not been looked at
 };
-
-FootageFacts inspect_image(const std::string& path) {
-  const cv::Mat image = read_image(path);
-  return {image.cols, image.rows, 0.0, 1};
-}
 
 }  // namespace
 
 FootageFacts inspect_footage(const std::string& path) {
-  if (fs::is_regular_file(path) && cv::haveImageReader(path)) return inspect_image(path);
-  VideoReader video(path, PixelFormat::colour);
-  return video.facts();
+  if (fs::is_regular_file(path) && cv::haveImageReader(path)) {
+    const cv::Size pixels = read_image(path).size();
+    return {pixels.width, pixels.height, 0.0, 1};
+  }
+  const VideoDecoder video(path);
+  return {video.size().width, video.size().height, video.frames_per_second(), video.stated_frames()};
 }
 
 std::unique_ptr<FrameReader> open_frames(const std::string& source, PixelFormat format) {

@@ -4,11 +4,13 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace doppel {
 
-/// The images of one camera in order, from a video file or from one file per frame. Videos are decoded once, strictly
-/// forward, because seeking by frame number is not exact in most containers.
+/// The images of one camera in order, from a video file or from one file per frame, turned as the metadata of the files
+/// say (rotation of a video, EXIF orientation of an image). Videos are decoded once, strictly forward, because seeking
+/// by frame number is not exact in most containers.
 class FrameReader {
  public:
   virtual ~FrameReader() = default;
@@ -26,6 +28,9 @@ class FrameReader {
   virtual const std::string& source() const = 0;
   /// The time stamp of the image that was read last; nothing for images, which have none.
   virtual std::optional<double> seconds() const { return std::nullopt; }
+  /// Some images, at most `most`, from the whole recording: of a video, of frames that are known roughly. Reading goes
+  /// on as if it had not been called. @throws FileError as `read`
+  virtual std::vector<cv::Mat> samples(int most) = 0;
 };
 
 /// What a file of footage says of itself.
@@ -37,9 +42,16 @@ struct FootageFacts {
 /// @param path of a video, or of one image @throws FileError when the file is missing, or neither of both
 FootageFacts inspect_footage(const std::string& path);
 
-enum class PixelFormat { colour, grey };
+enum class PixelFormat {
+  colour,  ///< BGR
+  grey,    ///< brightness
+  /// What shows the person: the alpha channel of images in which it varies, brightness of all others. Both are at least
+  /// 1 where they are not 0, however many bits the file has.
+  mask,
+};
 
-/// Opens a video file, or a pattern that contains `{frame}`. @throws FileError when the file is missing or not a video
+/// Opens a video file, a pattern that contains `{frame}`, or a folder of images, whose frames are their positions in
+/// natural order. @throws FileError when the file is missing or not a video
 std::unique_ptr<FrameReader> open_frames(const std::string& source, PixelFormat format);
 
 }  // namespace doppel

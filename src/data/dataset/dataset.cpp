@@ -12,6 +12,7 @@
 #include "doppel/core/path_pattern.h"
 #include "doppel/data/capture/capture_cameras.h"
 #include "doppel/data/prepare/store_layout.h"
+#include "doppel/geometry/image_file.h"
 #include "doppel/geometry/undistorter.h"
 
 namespace doppel {
@@ -343,8 +344,7 @@ cv::Mat Dataset::background(int camera) const {
   if (capture_.background.empty()) return {};
   const Camera& pinhole = cameras_.at(camera);
   const fs::path path = capture_.resolve(expand_camera(capture_.background, file_index_.at(camera), pinhole.name));
-  const cv::Mat image = fs::is_regular_file(path) ? cv::imread(path.string(), cv::IMREAD_COLOR) : cv::Mat();
-  if (image.empty()) fail_at({path, 0}, "the image of the empty studio is missing or cannot be decoded");
+  const cv::Mat image = read_colour_image(path);
   if (image.cols != pinhole.width || image.rows != pinhole.height)
     fail_at({path, 0}, "the image of the empty studio is {}x{}, camera {} is {}x{}; they must be equal", image.cols,
             image.rows, pinhole.name, pinhole.width, pinhole.height);

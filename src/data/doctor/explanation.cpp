@@ -89,7 +89,8 @@ class Mistakes {
     for (const bool clockwise : {true, false}) {
       Explanation& turned = add(faults::kTurned, "the images are turned by 90 degrees against the calibration",
                                 "Turn the videos, masks and keypoints back (ffmpeg -vf transpose), or calibrate the "
-                                "images as they are now.");
+                                "images as they are now. If their metadata turn them, remove these (\"Turned videos "
+                                "and images\" in docs/capture.md).");
       turned.view.camera = before;
       turned.view.turn =
           clockwise ? (Matrix2d() << 0, -sx, sy, 0).finished() : (Matrix2d() << 0, sx, -sy, 0).finished();

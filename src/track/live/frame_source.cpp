@@ -10,6 +10,8 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
+#include "doppel/data/capture/video_decoder.h"
+#include "doppel/geometry/image_file.h"
 
 namespace doppel {
 
@@ -83,31 +85,16 @@ class Reel {
 
 class VideoReel : public Reel {
  public:
-  explicit VideoReel(std::string path) : path_(std::move(path)) { rewind(); }
+  explicit VideoReel(const std::string& path) : path_(path), video_(path) {}
 
-  cv::Mat next() override {
-    cv::Mat image;
-    return video_.read(image) ? image.clone() : cv::Mat();
-  }
-  void rewind() override {
-    bool opened = false;
-    try {
-      opened = video_.open(path_);
-    } catch (const cv::Exception&) {
-      // a backend may throw an exception for an unknown format instead of returning false
-    }
-    if (!opened || size().area() <= 0)
-      fail_at({path_, 0}, "is no video that OpenCV can decode; it may be truncated, empty or in an unknown format");
-  }
-  cv::Size size() const override {
-    return {static_cast<int>(video_.get(cv::CAP_PROP_FRAME_WIDTH)),
-            static_cast<int>(video_.get(cv::CAP_PROP_FRAME_HEIGHT))};
-  }
-  double frames_per_second() const override { return video_.get(cv::CAP_PROP_FPS); }
+  cv::Mat next() override { return video_.read(); }
+  void rewind() override { video_ = VideoDecoder(path_); }
+  cv::Size size() const override { return video_.size(); }
+  double frames_per_second() const override { return video_.frames_per_second(); }
 
  private:
   std::string path_;
-  cv::VideoCapture video_;
+  VideoDecoder video_;
 };
 
 class FolderReel : public Reel {
@@ -117,13 +104,13 @@ class FolderReel : public Reel {
       if (entry.is_regular_file() && cv::haveImageReader(entry.path().string())) paths_.push_back(entry.path());
     if (paths_.empty()) fail_at({folder.string(), 0}, "holds no image that OpenCV can decode");
     std::sort(paths_.begin(), paths_.end());
-    size_ = read(paths_.front()).size();
+    size_ = read_colour_image(paths_.front()).size();
   }
 
   cv::Mat next() override {
     if (next_ == paths_.size()) return {};
     const fs::path& path = paths_[next_++];
-    cv::Mat image = read(path);
+    cv::Mat image = read_colour_image(path);
     if (image.size() != size_)
       fail_at({path.string(), 0}, "has {} x {} pixels, the first image of the folder {} x {}; they must be equal",
               image.cols, image.rows, size_.width, size_.height);
@@ -134,12 +121,6 @@ class FolderReel : public Reel {
   double frames_per_second() const override { return 0.0; }
 
  private:
-  static cv::Mat read(const fs::path& path) {
-    cv::Mat image = cv::imread(path.string(), cv::IMREAD_COLOR);
-    if (image.empty()) fail_at({path.string(), 0}, "is not an image that OpenCV can decode");
-    return image;
-  }
-
   std::vector<fs::path> paths_;
   std::size_t next_ = 0;
   cv::Size size_;

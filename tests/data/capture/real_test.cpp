@@ -90,6 +90,34 @@ TEST_F(RealData, SubtractionInTheStudioComesNearTheTrueMasks) {
   EXPECT_GT(sum / count, 0.92);
 }
 
+/// What a camera of the cases filmed, in the first frame.
+class RealFootage : public support::SharedFolderTest {
+ protected:
+  cv::Mat first(const std::string& source) const {
+    return open_frames((shared_ / "cases" / source).string(), PixelFormat::colour)->read(0).clone();
+  }
+};
+
+double difference(const cv::Mat& a, const cv::Mat& b) {
+  return cv::norm(a, b, cv::NORM_L1) / static_cast<double>(a.total() * a.channels());
+}
+
+TEST_F(RealFootage, APortraitVideoIsUpright) {
+  const fs::path folder = "01-portrait-video-upside-down";
+  const cv::Mat frame = first(folder / "phone.mp4"),
+                shown = cv::imread((shared_ / "cases" / folder / "as_every_player_shows_it.jpg").string());
+  ASSERT_EQ(frame.size(), shown.size());
+  EXPECT_LT(difference(frame, shown), 5.0) << "21.6 upside down";
+}
+
+TEST_F(RealFootage, PicturesOfTwoOrientationsShowTheSame) {
+  const fs::path folder = "03-exif-orientation";
+  const cv::Mat upright = first(folder / "orientation1/{frame:06}.jpg"),
+                turned = first(folder / "orientation6/{frame:06}.jpg");
+  ASSERT_EQ(upright.size(), turned.size());
+  EXPECT_LT(difference(upright, turned), 5.0);
+}
+
 /// The clip of one camera in a street, without masks and motion.
 constexpr char kWild[] = R"(
 doppel_capture: 1

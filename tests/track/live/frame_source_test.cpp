@@ -10,7 +10,9 @@
 #include "doppel/core/process.h"
 #include "doppel/data/capture/video_file.h"
 #include "support/message_of.h"
+#include "support/oriented_image.h"
 #include "support/temporary_folder.h"
+#include "support/turned_video.h"
 
 namespace doppel::frame_source_test {
 namespace {
@@ -51,6 +53,31 @@ TEST_F(Sources, AFolderComesInTheOrderOfItsNames) {
   EXPECT_FALSE(source->live());
   for (const int value : {50, 110, 170}) EXPECT_EQ(source->next()->image.at<cv::Vec3b>(5, 5)[1], value);
   EXPECT_FALSE(source->next());
+}
+
+TEST_F(Sources, FilesAreTurnedAsTheirMetadataSay) {
+  cv::Mat shown(48, 32, CV_8UC3, cv::Scalar::all(30));
+  shown.rowRange(0, 24) = cv::Scalar::all(200);
+  const cv::Mat stored = support::stored_for(shown, 6);
+  VideoFile video(folder_ / "phone.mp4", stored.size(), 25.0);
+  for (int i = 0; i < 2; ++i) video.write(stored);
+  video.close();
+  support::turn_video(folder_ / "phone.mp4", 1);
+  std::filesystem::create_directory(folder_ / "photographs");
+  support::write_bytes(folder_ / "photographs/0.jpg", support::oriented_file(shown, ".jpg", 6));
+  SourceOptions twice;
+  twice.repeat = 2;
+  for (const char* name : {"phone.mp4", "photographs"}) {
+    const auto source = open_source((folder_ / name).string(), twice);
+    EXPECT_EQ(source->size(), shown.size()) << name;
+    int images = 0;
+    for (; const auto image = source->next(); ++images) {
+      ASSERT_EQ(image->image.size(), shown.size()) << name;
+      EXPECT_NEAR(image->image.at<cv::Vec3b>(5, 16)[1], 200, 6) << name;
+      EXPECT_NEAR(image->image.at<cv::Vec3b>(42, 16)[1], 30, 6) << name;
+    }
+    EXPECT_EQ(images, std::string(name) == "phone.mp4" ? 4 : 2);
+  }
 }
 
 TEST_F(Sources, AVideoIsPlayedAsOftenAsWanted) {
