@@ -14,7 +14,7 @@ namespace doppel {
 class FrameReader {
  public:
   virtual ~FrameReader() = default;
-  /// The image of `frame`, 8-bit: BGR, or one channel for a reader of masks. Frames must be read in ascending order,
+  /// The image of `frame`, 8-bit, of the reader's PixelFormat. Frames must be read in ascending order,
   /// where the same frame may be read again; frames in between are skipped. The result may share memory with the reader
   /// until the next call.
   /// @throws FileError naming the frame when it is missing or cannot be decoded

@@ -175,9 +175,11 @@ class FootageReading {
       Camera straight = camera;  // masks are compared with keypoints as filmed
       straight.distortion.fill(0.0);
       masks_.emplace(capture_, entry_, straight, index);
-      if (!entry_.masks.empty())
-        found_.mask_frames =
-            open_frames(capture_.source(entry_.masks, index, camera.name), PixelFormat::grey)->num_frames(expected);
+      if (entry_.masks.empty()) return;
+      const std::string source = capture_.source(entry_.masks, index, camera.name);
+      found_.mask_frames = open_frames(source, PixelFormat::mask)->num_frames(expected);
+      found_.mask_values = look_at_masks(source);
+      found_.mask_threshold = entry_.mask_threshold;
     } catch (const Error& error) {
       found_.mask_error = error.what();
     }

@@ -8,6 +8,7 @@
 
 #include "doppel/data/capture/capture.h"
 #include "doppel/data/doctor/rig_examination.h"
+#include "doppel/data/capture/mask_values.h"
 
 namespace doppel {
 
@@ -39,7 +40,10 @@ struct FootageExamination {
   std::vector<ImageFacts> images;
   long frames = -1;  ///< of the video; -1: not readable
   long mask_frames = -1;
-  std::string error;  ///< why reading stopped; empty: it did not
+  std::optional<MaskValues> mask_values;  ///< of mask files
+  int mask_threshold = 0;                 ///< in use
+  std::string error;        ///< of the first image that could not be read; empty: none. A video is read no further
+  long missing_images = 0;  ///< of files per frame: images that could not be read
   std::string mask_error;
   cv::Mat sample, sample_mask;  ///< an image from the middle, and its mask
   int sample_instant = -1;

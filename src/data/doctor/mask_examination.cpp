@@ -44,7 +44,7 @@ class MaskJudge {
         add(c, faults::kUnreadable, Severity::fault, "its masks cannot be read",
             footage_[c].mask_error + ". Make the masks again, or correct `masks` in capture.yaml.");
       if (share(c, [](const ImageFacts& f) { return f.mask_area >= 0.0; }) == 0.0) continue;
-      if (wrong(c)) continue;
+      if (above_all(c) || wrong(c)) continue;
       margins(c);
       flicker(c);
       holes(c);
@@ -80,14 +80,37 @@ class MaskJudge {
     return result;
   }
 
+  /// The masks show something, but nothing that reaches the threshold.
+  bool above_all(std::size_t c) {
+    const auto& values = footage_[c].mask_values;
+    const int threshold = footage_[c].mask_threshold;
+    if (!values || values->lowest() == values->highest() || values->highest() >= threshold) return false;
+    add(c, faults::kWrongMasks, Severity::fault,
+        fmt::format("its masks have the values {}, and mask_threshold is {}: all of them are empty",
+                    values->to_string(), threshold),
+        fmt::format("The masks hold labels, or are dim. Set `mask_threshold: {}` for this sequence in capture.yaml.",
+                    values->needed_threshold().value_or(values->lowest() + 1)));
+    return true;
+  }
+
+  /// What explains masks without parts of the person.
+  std::string about_labels(std::size_t c) const {
+    const auto& values = footage_[c].mask_values;
+    if (!values || !values->has_dark_labels() || footage_[c].mask_threshold <= values->lowest() + 1) return "";
+    return fmt::format(
+        " These masks have the values {}: if those below mask_threshold ({}) are the person too, set `mask_threshold: "
+        "{}`.",
+        values->to_string(), footage_[c].mask_threshold, values->lowest() + 1);
+  }
+
   /// Empty, full or elsewhere. Where keypoints and projected body disagree, one of them is on a right mask.
   bool wrong(std::size_t c) {
     const double empty = share(c, [](const ImageFacts& f) { return f.mask_area < kEmptyArea; });
     const double full = share(c, [](const ImageFacts& f) { return f.mask_area > kFullArea; });
-    const char* advice =
+    const std::string advice =
         "Make the masks of this camera again: they may be those of another camera, of other frames or of another size, "
-        "or "
-        "black and white may be exchanged.";
+        "or black and white may be exchanged." +
+        about_labels(c);
     if (empty > kEmptyWarning && empty < 0.9 && person_is_there(c)) {
       add(c, faults::kMaskFlicker, empty > kEmptyFault ? Severity::fault : Severity::warning,
           fmt::format("its masks are empty in {:.0f} % of the frames in which the person is seen", 100.0 * empty),
@@ -189,7 +212,8 @@ class MaskJudge {
     if (against.others > 0 && against.difference > -kBelowOthers && bones[c] > kBonesFault) return;
     add(c, faults::kMaskHoles, bones[c] < kBonesFault ? Severity::fault : Severity::warning,
         fmt::format("{:.0f} % of the limbs between the keypoints lie on its masks", 100.0 * bones[c]),
-        "The masks have holes or lack limbs. Make them again, with other settings of the key or by another method.");
+        "The masks have holes or lack limbs. Make them again, with other settings of the key or by another method." +
+            about_labels(c));
   }
 
   void border(std::size_t c) {

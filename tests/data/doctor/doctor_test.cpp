@@ -191,6 +191,8 @@ std::vector<Planted> planted_faults() {
   });
   plant("masks inverted", "wrong_masks", "1", kFootage,
         [](Patient& p) { change_masks(p, 1, [](long, cv::Mat& mask) { mask = 255 - mask; }); });
+  plant("masks of the values 0 and 1", "wrong_masks", "2", kFootage,
+        [](Patient& p) { change_masks(p, 2, [](long, cv::Mat& mask) { mask = mask / 255; }); });
   plant("masks too wide", "wrong_masks", "5", kFootage, [](Patient& p) {
     change_masks(p, 5, [](long, cv::Mat& mask) {
       cv::dilate(mask, mask, cv::getStructuringElement(cv::MORPH_ELLIPSE, {35, 35}));
@@ -249,6 +251,22 @@ TEST(DoctorReference, AHealthyCaptureHasNoFinding) {
   const nlohmann::ordered_json json = to_json(examination);
   EXPECT_EQ(json["verdict"], "healthy");
   EXPECT_EQ(json["cameras"].size(), 6u);
+}
+
+TEST(DoctorReference, SaysWhichThresholdMasksOfLabelsNeed) {
+  const TemporaryFolder folder;
+  std::filesystem::copy(healthy_capture(), folder / "patient", std::filesystem::copy_options::recursive);
+  Patient patient(folder / "patient");
+  change_masks(patient, 2, [](long, cv::Mat& mask) { mask = mask / 255 * 38; });
+  const Examination examination = examine_capture(read_capture(folder / "patient"));
+  const auto found = std::find_if(examination.findings.begin(), examination.findings.end(),
+                                  [](const Finding& finding) { return finding.fault == "wrong_masks"; });
+  ASSERT_NE(found, examination.findings.end()) << told(examination);
+  EXPECT_THAT(found->figure, HasSubstr("have the values 0, 38, and mask_threshold is 128"));
+  EXPECT_THAT(found->advice, HasSubstr("Set `mask_threshold: 1`"));
+  for (SequenceEntry& sequence : patient.capture.sequences) sequence.mask_threshold = 1;
+  patient.save();
+  EXPECT_EQ(told(examine_capture(read_capture(folder / "patient"))), "healthy");
 }
 
 class DoctorPlanted : public ::testing::TestWithParam<Planted> {};

@@ -77,6 +77,9 @@ class FolderReader {
     }
   }
 
+      if (role_of_file(stream.first_file) == FileRole::masks)
+        content_.masks[stream.first_file] =
+            look_at_masks(full(stream.per_frame ? stream.path : stream.first_file).string());
   void inspect_keypoints(const FileStream& stream) {
     const fs::path file = full(stream.first_file);
     std::vector<std::string> maps = stream.kind == FileKind::json ? maps_of(stream) : std::vector<std::string>();

@@ -8,6 +8,7 @@
 #include "doppel/calibration/formats/calibration.h"
 #include "doppel/data/capture/layouts/folder_listing.h"
 #include "doppel/data/capture/video.h"
+#include "doppel/data/capture/mask_values.h"
 
 namespace doppel {
 
@@ -24,6 +25,7 @@ struct FolderContent {
   std::vector<FoundCalibration> calibrations;   ///< readable ones with poses, in natural order
   std::map<std::string, FootageFacts> footage;  ///< of videos, and of the first images of streams
   /// First files of streams of keypoints, and the built-in map that fits; several where number and limbs do not decide
+  std::map<std::string, MaskValues> masks;      ///< of streams whose paths have a word for masks, by first file
   /// ("names": a table).
   std::map<std::string, std::vector<std::string>> keypoint_maps;
   std::vector<std::string> joint_tables;  ///< tables of joints in space (joint_detections.h), in natural order

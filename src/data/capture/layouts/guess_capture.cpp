@@ -398,6 +398,7 @@ class Guesser {
     for (const FileStream& stream : files)
       if (stream.files == static_cast<long>(names_.size())) folders.insert(folder_of(stream.path));
     for (const FileStream& stream : group_streams(content_.files, false))
+        if (entry.mask_threshold == SequenceEntry().mask_threshold) fit_threshold(*sequence, entry);
       if (stream.kind == FileKind::json && folders.count(folder_of(stream.path)) > 0) singles.push_back(stream);
     SortedFiles sequences = sort_files(files, names_);
     if (SortedFiles by_camera = sort_files(singles, names_); by_camera.most_cameras() > sequences.most_cameras())
@@ -413,6 +414,26 @@ class Guesser {
     SequenceEntry& entry = guess_.capture.sequences.front();
     if (used_.size() == 1 && filmed_.size() == 1 && content_.joint_tables.size() == 1 && !entry.keypoints.empty()) {
       entry.joints3d = content_.joint_tables.front();
+  /// Lowers the threshold where masks hold labels, or are dim.
+  void fit_threshold(const SequenceFiles& sequence, SequenceEntry& entry) {
+    for (const int camera : used_) {
+      const FileStream& stream = sequence.by_camera.at(camera);
+      const auto looked_at = content_.masks.find(stream.first_file);
+      if (looked_at == content_.masks.end()) continue;
+      const MaskValues& masks = looked_at->second;
+      if (const auto needed = masks.needed_threshold(); needed && *needed < entry.mask_threshold) {
+        entry.mask_threshold = *needed;
+        found("sequence {}: mask_threshold: {}, because the masks {} have the values {}", entry.name, *needed,
+              stream.path, masks.to_string());
+      } else if (!needed && masks.has_dark_labels()) {
+        found(
+            "sequence {}: the masks {} have the values {}; those below mask_threshold ({}) are not the person. If they "
+            "are, set mask_threshold to the smallest of them",
+            entry.name, stream.path, masks.to_string(), entry.mask_threshold);
+      }
+    }
+  }
+
       found("sequence {}: joints in space: {}", entry.name, entry.joints3d);
     } else {
       found("joints in space: {}; not used, because only one table of one camera with keypoints is certain",

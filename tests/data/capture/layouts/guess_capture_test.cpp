@@ -93,6 +93,31 @@ TEST(CaptureGuess, MasksKeypointsMotionAndCharacter) {
   EXPECT_TRUE(guess.missing.empty()) << all_of(guess.missing);
 }
 
+MaskValues masks_of(const std::vector<int>& values) {
+  MaskValues masks;
+  for (const int value : values) ++masks.pixels[static_cast<std::size_t>(value)];
+  return masks;
+}
+
+TEST(CaptureGuess, MasksOfLabelsGetALowerThreshold) {
+  FolderContent content =
+      folder_of({"videos/a.mp4", "videos/b.mp4", "masks/a.mkv", "masks/b.mkv"}, {calibration_of({"a", "b"})});
+  const auto guess_with = [&](const std::vector<int>& a, const std::vector<int>& b) {
+    content.masks = {{"masks/a.mkv", masks_of(a)}, {"masks/b.mkv", masks_of(b)}};
+    return guess_capture(content);
+  };
+  const CaptureGuess usual = guess_with({0, 255}, {0});
+  EXPECT_EQ(usual.capture.sequences.at(0).mask_threshold, 128);
+  EXPECT_THAT(all_of(usual.found), testing::Not(HasSubstr("mask_threshold")));
+  for (const auto& [a, b] : {std::pair(std::vector{0, 255}, std::vector{0, 38}), {{0, 38}, {0, 255}}, {{0, 1}, {0, 1}}})
+    EXPECT_EQ(guess_with(a, b).capture.sequences.at(0).mask_threshold, 1) << "the lowest of all cameras";
+  EXPECT_THAT(all_of(guess_with({0, 255}, {0, 38}).found),
+              HasSubstr("mask_threshold: 1, because the masks masks/b.mkv have the values 0, 38"));
+  const CaptureGuess doubt = guess_with({0, 38, 38, 147}, {0, 255});
+  EXPECT_EQ(doubt.capture.sequences.at(0).mask_threshold, 128);
+  EXPECT_THAT(all_of(doubt.found), HasSubstr("the masks masks/a.mkv have the values 0, 38, 147; those below"));
+}
+
 TEST(CaptureGuess, SeveralSequences) {
   std::vector<std::string> files;
   for (const std::string sequence : {"walk", "test_run"})
