@@ -171,6 +171,36 @@ void check_counts(const FileLocation& where, const Scene& scene, const SceneLimi
     fail_at(where, "the file has {} nodes; at most {} are read", scene.nodes.size(), limits.nodes);
 }
 
+/// Whether the rest pose mirrors what hangs on a transform.
+bool mirrors(const Eigen::Affine3d& transform) { return transform.linear().determinant() < 0.0; }
+
+/// Turns the triangles over that a mirroring transform has turned inside out, as glTF demands and other programs do.
+/// A vertex with weights follows the joint with the largest one, the others follow the node.
+void orient_faces(Scene& scene) {
+  const std::vector<Eigen::Affine3d> world_from_node = node_transforms(scene);
+  std::vector<std::vector<bool>> joint_mirrors;  // of each skin
+  for (const SceneSkin& skin : scene.skins) {
+    std::vector<bool>& joints = joint_mirrors.emplace_back();
+    for (std::size_t j = 0; j < skin.joints.size(); ++j)
+      joints.push_back(mirrors(world_from_node[skin.joints[j]] * skin.joint_from_mesh[j]));
+  }
+  for (ScenePrimitive& primitive : scene.primitives) {
+    const bool node_mirrors = mirrors(world_from_node[primitive.node]);
+    const auto is_mirrored = [&](int vertex) {
+      const bool follows_node = primitive.skin < 0 || primitive.vertex_joints.size(vertex) == 0;
+      if (follows_node) return node_mirrors;
+      return static_cast<bool>(
+          joint_mirrors[primitive.skin][primitive.vertex_joints.items[primitive.vertex_joints.offsets[vertex]]]);
+    };
+    for (std::size_t f = 0; f < primitive.faces.size(); ++f) {
+      Triangle& face = primitive.faces[f];
+      if (std::count_if(face.begin(), face.end(), is_mirrored) < 2) continue;
+      std::swap(face[1], face[2]);
+      if (!primitive.face_uvs.empty()) std::swap(primitive.face_uvs[f][1], primitive.face_uvs[f][2]);
+    }
+  }
+}
+
 /// Colours that are not finite are grey. Some scanners write 0..255 where the format means 0..1.
 void mend_colours(Scene& scene) {
   long mended = 0;
@@ -265,6 +295,7 @@ void finish_scene(const fs::path& path, Scene& scene, const SceneLimits& limits)
     check_materials(primitive, scene.materials.size());
     check_primitive(where, scene, primitive, p);
   }
+  orient_faces(scene);
   mend_uvs(scene);
   mend_colours(scene);
   check_animations(where, scene);

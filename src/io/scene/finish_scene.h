@@ -26,7 +26,8 @@ void complete_face_uvs(ScenePrimitive& primitive);
 /// Keeps `face_materials` only where the faces differ, and sets `material` to that of the first face.
 void single_material(ScenePrimitive& primitive);
 
-/// What every reader does last: gives names, checks indices, numbers and the tree, sorts the primitives by node.
+/// What every reader does last: gives names, checks indices, numbers and the tree, sorts the primitives by node, and
+/// turns the triangles over that mirroring nodes or joints have turned inside out.
 /// @throws FileError as read_scene
 void finish_scene(const std::filesystem::path& path, Scene& scene, const SceneLimits& limits);
 
