@@ -1,5 +1,8 @@
 #include "doppel/io/scene/gltf_file.h"
 
+#include <fmt/ranges.h>
+
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -7,6 +10,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/excerpt.h"
 #include "doppel/io/scene/scene_images.h"
 
 namespace doppel {
@@ -104,7 +108,53 @@ std::size_t width_of_type(const std::string& type) {
   return 0;
 }
 
+/// Extensions that the reader understands, and how it speaks of those that hide the vertices.
+constexpr std::string_view kReadExtensions[] = {"KHR_mesh_quantization", "KHR_texture_transform", "EXT_texture_webp",
+                                                "KHR_materials_pbrSpecularGlossiness"};
+constexpr std::pair<std::string_view, std::string_view> kCompressions[] = {
+    {"EXT_meshopt_compression", "meshopt"},
+    {"KHR_meshopt_compression", "meshopt"},
+    {"MESHOPT_compression", "meshopt"},
+    {"KHR_draco_mesh_compression", "Draco"},
+};
+/// Parts of the names of extensions that change the look of a surface or say something about the file. Without them
+/// the vertices are where they should be.
+constexpr std::string_view kLookExtensions[] = {"_materials_", "_texture_", "_lights_", "_image",
+                                                "_xmp",        "VRM",       "ngon",     "_variants"};
+
 }  // namespace
+
+bool GltfFile::is_meshopt(const Json& element) const {
+  const Json& extensions = object(element, "extensions");
+  return std::any_of(std::begin(kCompressions), std::end(kCompressions), [&](const auto& compression) {
+    return compression.second == "meshopt" && extensions.contains(compression.first);
+  });
+}
+
+/// A file says which extensions a program must understand to read it rightly.
+void GltfFile::check_extensions() {
+  std::vector<std::string> unread;
+  std::string_view compression;
+  bool only_look = true;
+  for (const Json& entry : list("extensionsRequired")) {
+    if (!entry.is_string()) fail_here("extensionsRequired holds {}, which is not a name", excerpt(entry.dump(), 40));
+    const auto name = entry.get<std::string>();
+    if (std::find(std::begin(kReadExtensions), std::end(kReadExtensions), name) != std::end(kReadExtensions)) continue;
+    unread.push_back(excerpt(name, 80));
+    for (const auto& [extension, method] : kCompressions)
+      if (name == extension) compression = method;
+    only_look &= std::any_of(std::begin(kLookExtensions), std::end(kLookExtensions),
+                             [&](std::string_view part) { return name.find(part) != std::string::npos; });
+  }
+  if (unread.empty()) return;
+  const std::string names = excerpt(fmt::format("{}", fmt::join(unread, ", ")), 400);
+  if (!compression.empty())
+    fail_here("the file is compressed by {}, which is not read; export it without compression (it requires {})",
+              compression, names);
+  if (!only_look) fail_here("the file requires extensions that are not read: {}; export it without them", names);
+  look_warning_ = fmt::format(
+      "the file requires extensions that are not read: {}; they change the look of a surface, not its shape", names);
+}
 
 GltfFile::GltfFile(const std::filesystem::path& path, const SceneLimits& limits) : path_(path), limits_(limits) {
   read_container(read_file(path));
@@ -112,6 +162,7 @@ GltfFile::GltfFile(const std::filesystem::path& path, const SceneLimits& limits)
   const std::string version = text(object(root_, "asset"), "version");
   if (version.empty() || version[0] != '2')
     fail_here("is glTF version '{}'; only version 2.0 is read. Export it again as glTF 2.0", version);
+  check_extensions();
   read_buffers();
 }
 
@@ -162,6 +213,11 @@ void GltfFile::read_buffers() {
   for (std::size_t i = 0; i < buffers.size(); ++i) {
     const std::string where = fmt::format("buffers[{}]", i), uri = text(buffers[i], "uri");
     const double length = number(buffers[i], "byteLength", 0, where);
+    // Of compressed views, a buffer may stand for what they become; without data it is missed only where it is used.
+    if (uri.empty() && is_meshopt(buffers[i])) {
+      buffers_.emplace_back();
+      continue;
+    }
     std::string bytes = uri.empty() && i == 0 && has_binary_ ? std::move(binary_) : buffer_of_uri(uri, where);
     if (!(length >= 0) || length > static_cast<double>(bytes.size()))
       fail_here("{} announces {} bytes, but {} are there: the file is truncated", where, length, bytes.size());
@@ -246,9 +302,9 @@ GltfFile::View GltfFile::view(int index, const std::string& where) const {
   const Json& views = list("bufferViews");
   const Json& view = views[index];
   const std::string element = fmt::format("bufferViews[{}]", index);
-  if (!object(object(view, "extensions"), "EXT_meshopt_compression").empty())
-    fail_here("{} is compressed by meshopt, which is not read; export the file without compression", element);
   const std::string& buffer = buffers_[this->index(view, "buffer", buffers_.size(), element, true)];
+  if (buffer.empty() && is_meshopt(view))
+    fail_here("{} is compressed by meshopt, which is not read; export the file without compression", element);
   const double offset = number(view, "byteOffset", 0, element), length = number(view, "byteLength", -1, element);
   if (!(offset >= 0) || !(length >= 0) || offset + length > static_cast<double>(buffer.size()))
     fail_here("{} (of {}) covers the bytes {} to {}, but its buffer has {}", element, where, offset, offset + length,

@@ -26,13 +26,16 @@ class GltfFile {
  public:
   using Json = nlohmann::json;
 
-  /// @throws FileError: truncated, no JSON, another version, a buffer that is missing or too short
+  /// @throws FileError: truncated, no JSON, another version, a required extension that is not read, a buffer that is
+  /// missing or too short
   GltfFile(const std::filesystem::path& path, const SceneLimits& limits);
 
   const std::filesystem::path& path() const { return path_; }
   const Json& root() const { return root_; }
   /// A list of objects of the root; empty when the file has none.
   const Json& list(const char* name) const;
+  /// Names the extensions that the file requires and that are not read, where they change only its look; else empty.
+  const std::string& look_warning() const { return look_warning_; }
 
   /// Numbers of an accessor as doubles. @param width values per row that are expected; 0: any
   /// @throws FileError for an index, a type or a range that the file does not have
@@ -66,6 +69,8 @@ class GltfFile {
   };
   void read_container(const std::string& file);
   void parse_json(std::string_view text);
+  void check_extensions();
+  bool is_meshopt(const Json& element) const;
   void read_buffers();
   std::string buffer_of_uri(const std::string& uri, const std::string& where) const;
   View view(int index, const std::string& where) const;
@@ -80,6 +85,7 @@ class GltfFile {
   bool has_binary_ = false;
   mutable double values_read_ = 0;  ///< by all calls of `numbers`
   std::vector<std::string> buffers_;
+  std::string look_warning_;
 };
 
 }  // namespace doppel

@@ -28,6 +28,7 @@ class GltfReader {
     read_skins();
     read_primitives();
     read_animations();
+    if (!file_.look_warning().empty()) scene_.warnings.push_back(file_.look_warning());
     if (morphs_)
       scene_.warnings.push_back("face shapes (morph targets) keep their default; their animation is left out");
     if (left_out_ > 0)
@@ -294,11 +295,14 @@ void GltfReader::apply_morphs(const Json& entry, const std::vector<double>& amou
 }
 
 void GltfReader::read_primitive(const Json& entry, const std::string& where, ScenePrimitive& primitive) {
-  if (!file_.object(file_.object(entry, "extensions"), "KHR_draco_mesh_compression").empty())
-    file_.fail_here("{} is compressed by Draco, which is not read; export the file without compression", where);
   const Json& attributes = file_.object(entry, "attributes");
   const std::size_t positions = accessor_of(attributes, "POSITION");
   if (positions == kNoAccessor) return;
+  // A file that does not require the extension has the numbers also without compression.
+  const bool draco = !file_.object(file_.object(entry, "extensions"), "KHR_draco_mesh_compression").empty();
+  if (draco &&
+      file_.index(file_.list("accessors")[positions], "bufferView", file_.list("bufferViews").size(), where) < 0)
+    file_.fail_here("{} is compressed by Draco, which is not read; export the file without compression", where);
   const GltfNumbers points = file_.numbers(positions, 3, "positions");
   vertices_ += static_cast<std::int64_t>(points.count);
   if (vertices_ > limits_.vertices)

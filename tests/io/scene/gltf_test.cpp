@@ -162,10 +162,6 @@ TEST_F(Gltf, DamageIsNamed) {
               })),
               HasSubstr("no triangles"));
   EXPECT_THAT(error_of(changed([](Json& j) { j["asset"]["version"] = "1.0"; })), HasSubstr("only version 2.0"));
-  EXPECT_THAT(error_of(changed([](Json& j) {
-                j["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"] = {{"bufferView", 0}};
-              })),
-              HasSubstr("Draco"));
 }
 
 TEST_F(Gltf, NumbersThatAreNoneAreNamed) {
