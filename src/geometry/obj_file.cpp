@@ -20,6 +20,58 @@ std::string rest_of_line(const TextReader& reader) {
   return std::string(rest);
 }
 
+/// The line from a token on.
+std::string line_from(const TextReader& reader, std::size_t token) {
+  const std::string_view line = reader.line();
+  return std::string(line.substr(as_size(reader.tokens()[token].data() - line.data())));
+}
+
+/// How many values an option of map_Kd has; a vector may leave out its last numbers.
+struct MapOption {
+  std::string_view name;
+  std::size_t values;
+  bool is_vector = false;
+};
+constexpr MapOption kMapOptions[] = {{"-blendu", 1},  {"-blendv", 1}, {"-boost", 1},      {"-bm", 1},
+                                     {"-cc", 1},      {"-clamp", 1},  {"-imfchan", 1},    {"-mm", 2},
+                                     {"-type", 1},    {"-texres", 1}, {"-colorspace", 1}, {"-o", 3, true},
+                                     {"-s", 3, true}, {"-t", 3, true}};
+
+/// The token at which the name of the texture begins, behind the options.
+std::size_t texture_name_token(const TextReader& reader) {
+  const auto& tokens = reader.tokens();
+  std::size_t at = 1;
+  while (at < tokens.size()) {
+    const auto option = std::find_if(std::begin(kMapOptions), std::end(kMapOptions),
+                                     [&](const MapOption& known) { return known.name == tokens[at]; });
+    if (option == std::end(kMapOptions)) break;
+    const std::size_t first = at + 1;
+    const auto is_value = [&](std::size_t i) {
+      return i < tokens.size() && i < first + option->values && (!option->is_vector || parse_number(tokens[i]));
+    };
+    for (at = first; is_value(at);) ++at;
+  }
+  return at;
+}
+
+/// The name of the texture of a line `map_Kd <options> <name>`; both the name and the options may have blanks.
+std::string texture_name(const TextReader& reader, const std::filesystem::path& path) {
+  const auto& tokens = reader.tokens();
+  std::size_t first = texture_name_token(reader);
+  if (first >= tokens.size()) reader.fail_here("reading a material file: map_Kd names no file");
+  // An option that is not known has an unknown number of values: the longest rest of the line that is a file counts.
+  if (tokens[first][0] == '-') {
+    std::error_code none;
+    const auto is_file = [&](std::size_t token) {
+      return std::filesystem::is_regular_file(resolve_path(path, line_from(reader, token)), none);
+    };
+    while (first + 1 < tokens.size() && !is_file(first)) ++first;
+  }
+  std::string name = line_from(reader, first);
+  if (name.size() > 2 && name.front() == '"' && name.back() == '"') name = name.substr(1, name.size() - 2);
+  return name;
+}
+
 class ObjFileReader {
  public:
   ObjFileReader(const std::filesystem::path& path, double metres_per_unit)
@@ -155,10 +207,7 @@ std::vector<ObjMaterial> read_mtl(const std::filesystem::path& path) {
       material.colour = material.colour->cwiseMax(0.0).cwiseMin(1.0);
     }
     if (key == "Kd") continue;
-    std::string name = rest_of_line(reader);
-    if (name.empty()) reader.fail_here("reading a material file: map_Kd names no file");
-    // Options such as `-s 1 1 1` stand before the name.
-    if (name[0] == '-') name = std::string(reader.tokens().back());
+    const std::string name = texture_name(reader, path);
     // A second texture of a material is one more entry of the same name.
     if (!material.texture.empty()) materials.push_back(ObjMaterial(material));
     materials.back().written_texture = name;

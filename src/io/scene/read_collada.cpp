@@ -79,7 +79,7 @@ class ColladaReader {
   void read_unit_and_axis(const std::string& text);
   void read_node(const aiNode& node, int parent);
   void read_materials();
-  cv::Mat read_texture(const aiMaterial& material, const std::string& name);
+  void read_texture(const aiMaterial& material, SceneMaterial& result);
   void read_surfaces(const aiNode& node, int index);
   void add_mesh(const aiMesh& mesh, ScenePrimitive& primitive);
   void read_animations();
@@ -131,16 +131,17 @@ void ColladaReader::read_node(const aiNode& node, int parent) {
   for (unsigned i = 0; i < node.mNumChildren; ++i) read_node(*node.mChildren[i], index);
 }
 
-cv::Mat ColladaReader::read_texture(const aiMaterial& material, const std::string& name) {
+void ColladaReader::read_texture(const aiMaterial& material, SceneMaterial& result) {
   aiString path;
   if (material.GetTexture(aiTextureType_DIFFUSE, 0, &path) != aiReturn_SUCCESS &&
       material.GetTexture(aiTextureType_BASE_COLOR, 0, &path) != aiReturn_SUCCESS)
-    return {};
-  const cv::Mat image = images_.of_file(path.C_Str());
-  if (image.empty())
-    scene_.warnings.push_back(fmt::format(
-        "the texture '{}' of material '{}' is missing or cannot be decoded; its colour is used", path.C_Str(), name));
-  return image;
+    return;
+  result.texture_file = path.C_Str();
+  result.texture = images_.of_file(result.texture_file);
+  if (result.texture.empty())
+    scene_.warnings.push_back(
+        fmt::format("the texture '{}' of material '{}' is missing or cannot be decoded; its colour is used",
+                    path.C_Str(), result.name));
 }
 
 void ColladaReader::read_materials() {
@@ -150,7 +151,7 @@ void ColladaReader::read_materials() {
     aiString name;
     if (material.Get(AI_MATKEY_NAME, name) == aiReturn_SUCCESS) result.name = name.C_Str();
     aiColor4D colour(1, 1, 1, 1);
-    result.texture = read_texture(material, result.name);
+    read_texture(material, result);
     // With a texture, exporters write any diffuse colour, black too.
     if (result.texture.empty() && material.Get(AI_MATKEY_COLOR_DIFFUSE, colour) == aiReturn_SUCCESS)
       result.colour = Eigen::Vector4d(colour.r, colour.g, colour.b, 1).cwiseMax(0.0).cwiseMin(1.0);

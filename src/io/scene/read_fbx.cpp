@@ -95,7 +95,7 @@ class FbxReader {
   void add_cluster(const FbxRecord& cluster, const FbxRecord& model, SceneSkin& skin, std::vector<JointWeights>& rows);
   void check_bind_poses(const FbxRecord& model, const std::vector<const FbxRecord*>& clusters, SceneSkin& skin);
   int material_of(const FbxRecord& material);
-  cv::Mat texture_of(const FbxRecord& material);
+  void read_texture(const FbxRecord& material, SceneMaterial& result);
 
   std::filesystem::path path_;
   SceneLimits limits_;
@@ -307,22 +307,24 @@ int FbxReader::read_skin(const FbxRecord& model, const FbxRecord& geometry, Scen
   return static_cast<int>(scene_.skins.size()) - 1;
 }
 
-cv::Mat FbxReader::texture_of(const FbxRecord& material) {
+void FbxReader::read_texture(const FbxRecord& material, SceneMaterial& result) {
   auto textures = objects_.below(material, "Texture", "DiffuseColor");
   for (const char* other : {"Maya|baseColor", "3dsMax|Parameters|base_color_map", "Maya|TEX_color_map", "BaseColor"})
     if (textures.empty()) textures = objects_.below(material, "Texture", other);
-  if (textures.empty()) return {};
+  if (textures.empty()) return;
   for (const FbxRecord* video : objects_.below(*textures[0], "Video")) {
     const FbxRecord* content = video->child("Content");
-    if (const cv::Mat image = images_.of_bytes(content ? content->text(0) : ""); !image.empty()) return image;
+    result.texture = images_.of_bytes(content ? content->text(0) : "");
+    if (!result.texture.empty()) return;
   }
   for (const char* name : {"RelativeFilename", "FileName"}) {
     const FbxRecord* file = textures[0]->child(name);
-    if (const cv::Mat image = images_.of_file(file ? file->text(0) : ""); !image.empty()) return image;
+    result.texture_file = file ? file->text(0) : "";
+    result.texture = images_.of_file(result.texture_file);
+    if (!result.texture.empty()) return;
   }
   scene_.warnings.push_back(fmt::format(
       "the texture of material '{}' is neither in the file nor beside it; its colour is used", fbx_name(material)));
-  return {};
 }
 
 int FbxReader::material_of(const FbxRecord& material) {
@@ -330,7 +332,7 @@ int FbxReader::material_of(const FbxRecord& material) {
   if (!added) return entry->second;
   SceneMaterial result;
   result.name = fbx_name(material);
-  result.texture = texture_of(material);
+  read_texture(material, result);
   if (result.texture.empty()) {
     const Eigen::Vector3d colour = fbx_vector(material, "DiffuseColor", 0.8);
     result.colour << srgb(colour[0]), srgb(colour[1]), srgb(colour[2]), 1.0;

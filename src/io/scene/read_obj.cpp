@@ -28,6 +28,7 @@ void read_libraries(const std::filesystem::path& path, const ObjFile& file, cons
     if (const auto found = known.find(name); found != known.end()) {
       const ObjMaterial& from = found->second;
       if (!from.written_texture.empty()) {
+        material.texture_file = from.written_texture;
         material.texture = images.of_file(from.written_texture);
         if (material.texture.empty())
           scene.warnings.push_back(

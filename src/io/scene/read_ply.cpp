@@ -186,7 +186,7 @@ void PlyReader::finish_uvs() {
 void PlyReader::read_materials() {
   SceneImages images(path_, limits_);
   for (const std::string& texture : file_.textures()) {
-    SceneMaterial material{texture, Eigen::Vector4d::Ones(), images.of_file(texture)};
+    SceneMaterial material{texture, Eigen::Vector4d::Ones(), images.of_file(texture), texture};
     if (material.texture.empty())
       scene_.warnings.push_back(fmt::format("the texture '{}' is missing or cannot be decoded", texture.substr(0, 80)));
     scene_.materials.push_back(std::move(material));

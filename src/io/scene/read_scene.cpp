@@ -6,6 +6,7 @@
 #include "doppel/core/file_head.h"
 #include "doppel/io/scene/finish_scene.h"
 #include "doppel/io/scene/readers.h"
+#include "doppel/io/scene/texture_tiles.h"
 
 namespace doppel {
 
@@ -49,6 +50,7 @@ Scene read_scene(const fs::path& path, const SceneLimits& limits) {
   if (!fs::is_regular_file(path, none)) fail_at({path.string(), 0}, "there is no such file");
   Scene scene = read_format(path, limits);
   finish_scene(path, scene, limits);
+  spread_tiles(path, scene, limits);
   return scene;
 }
 

@@ -33,6 +33,7 @@ struct SceneMaterial {
   std::string name;
   Eigen::Vector4d colour = Eigen::Vector4d::Ones();  ///< RGB and opacity, 0..1, multiplies the texture
   cv::Mat texture;                                   ///< 8-bit BGR, or empty
+  std::string texture_file{};                        ///< as the scene names it; empty for an image inside of the scene
 };
 
 /// A part of the surface with one material, placed by one node. A mesh that several nodes use appears once per node.
@@ -44,7 +45,7 @@ struct ScenePrimitive {
   std::vector<int> face_materials;        ///< [F] where the triangles differ in material, else empty
   int skin = -1;                          ///< -1: the primitive follows its node
   std::vector<Eigen::Vector3d> vertices;  ///< [N] in the node's frame, or in the skin's
-  std::vector<Triangle> faces;            ///< [F]
+  std::vector<Triangle> faces;            ///< [F] with the order of corners that is right in the world, at rest
   std::vector<Eigen::Vector2d> uvs;       ///< [U] u right, v up, as in TriangleMesh; or empty
   std::vector<Triangle> face_uvs;         ///< [F] the UV of each corner, or empty
   std::vector<Eigen::Vector3d> colours;   ///< [N] RGB 0..1, or empty

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "doppel/core/atomic_file.h"
+#include "doppel/io/scene/texture_tiles.h"
 
 namespace doppel {
 
@@ -107,11 +108,10 @@ cv::Mat SceneImages::of_file(const std::string& name) {
   return known_[found] = of_bytes(read_file(found));
 }
 
-fs::path find_image(const fs::path& scene_file, std::string name) {
-  std::replace(name.begin(), name.end(), '\\', '/');
-  for (std::size_t at = name.find("%20"); at != std::string::npos; at = name.find("%20")) name.replace(at, 3, " ");
-  if (name.rfind("file://", 0) == 0) name.erase(0, 7);
-  if (name.empty()) return {};
+namespace {
+
+/// An image file by its name, with or without the folder that the name has.
+fs::path find_named_image(const fs::path& scene_file, const std::string& name) {
   const fs::path folder = scene_file.parent_path(), image(name);
   std::error_code none;
   std::vector<fs::path> candidates{folder / image, folder / image.filename()};
@@ -120,6 +120,23 @@ fs::path find_image(const fs::path& scene_file, std::string name) {
   candidates.push_back(folder / scene_file.stem().concat(".fbm") / image.filename());
   for (const fs::path& candidate : candidates)
     if (fs::is_regular_file(candidate, none)) return candidate;
+  return {};
+}
+
+}  // namespace
+
+fs::path find_image(const fs::path& scene_file, std::string name) {
+  std::replace(name.begin(), name.end(), '\\', '/');
+  for (std::size_t at = name.find("%20"); at != std::string::npos; at = name.find("%20")) name.replace(at, 3, " ");
+  if (name.rfind("file://", 0) == 0) name.erase(0, 7);
+  if (name.empty()) return {};
+  const std::optional<TileName> tiles = tile_name_of(name);
+  if (!tiles || !tiles->is_pattern) return find_named_image(scene_file, name);
+  constexpr int kRows = 10;  // that are searched for the first tile
+  for (int tile = 0; tile < kTilesAlongU * kRows; ++tile)
+    if (fs::path found = find_named_image(scene_file, tiles->of(tile % kTilesAlongU, tile / kTilesAlongU));
+        !found.empty())
+      return found;
   return {};
 }
 

@@ -15,7 +15,8 @@ namespace doppel {
 std::optional<Eigen::Vector2i> announced_image_size(const std::string& bytes);
 
 /// The image file that a surface names: as it is written, else by its name alone in the folder of the scene and in
-/// folders beside it. Empty when there is none. Slashes of both kinds and `%20` are understood.
+/// folders beside it. Of a pattern of tiles (texture_tiles.h), the first tile that exists. Empty when there is none.
+/// Slashes of both kinds and `%20` are understood.
 std::filesystem::path find_image(const std::filesystem::path& scene_file, std::string name);
 
 /// The images of one scene file. Decoders allocate what a header announces, so the header is looked at first, and all
