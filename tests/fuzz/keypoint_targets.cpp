@@ -124,6 +124,9 @@ constexpr const char* kTable =
     "frame,name,x,y,confidence\n0,nose,100.5,200,0.9\n0,left_knee,110,210,0.25\n2,nose,101,201,0\n";
 constexpr const char* kTableOfCameras =
     "frame,camera,name,x,y,confidence\n0,c0,nose,100.5,200,0.9\n0,c1,nose,9,8,0.5\n1,c0,neck,1,2,1\n";
+constexpr const char* kTableOfPoints =
+    "x;y;score;frame;person;joint\n100,5;200;0,9;0;1;\"nose\"\n9;8;0,5;0;2;nose\n1;2;1;1;1;\"neck\"\n";
+constexpr const char* kTableOfNumbers = "image,landmark_id,x,y\na_1.png,0,100.5,200\na_2.png,1,3,4\n";
 constexpr const char* kJointTable =
     "frame,index,name,x_mm,y_mm,z_mm\n0,0,nose,10,-700,20.5\n0,1,left_knee,90,450,0\n3,2,right_knee,-90,450,0\n";
 constexpr const char* kMap =
@@ -158,6 +161,8 @@ void add_keypoints(std::vector<FuzzTarget>& targets) {
   add("alphapose", "a.json", kAlphapose);
   add("deeplabcut", "a.csv", kDeeplabcut);
   add("wide", "a.csv", kWide);
+  add("points", "a.csv", kTableOfPoints);
+  add("numbers", "a.csv", kTableOfNumbers);
   const std::vector<float> row{1, 2, 3, 4};
   static const std::string npy = npy_bytes(row.data(), "<f4", {1, 1, 2, 2});
   targets.push_back({"keypoints_freemocap",
@@ -180,7 +185,7 @@ std::vector<FuzzTarget> keypoint_targets() {
        {"PathFileType", "nan", "1e300", "\t\t", "NumMarkers"}},
       {"keypoint_table",
        read_table_bytes,
-       {kTable, kTableOfCameras},
+       {kTable, kTableOfCameras, kTableOfPoints, kTableOfNumbers},
        {"frame,camera,name,x,y,confidence", "frame,name,x,y,confidence\n", "c0", "1,nose,1,2,1\n", "1e7", "nan", ",,",
         "\xEF\xBB\xBF", "2147483647", "\r\n"}},
       {"joint_table",

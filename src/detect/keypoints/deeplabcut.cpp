@@ -4,14 +4,13 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/text_reader.h"
+#include "doppel/detect/keypoints/csv_reader.h"
 #include "doppel/detect/keypoints/format.h"
 #include "doppel/detect/keypoints/json_parts.h"
 
 namespace doppel {
 
 namespace {
-
-constexpr double kMaxDeepLabCutCoordinate = 1e7;
 
 /// Where the numbers of one point of one individual stand in a row.
 struct DeepLabCutPoint {
@@ -29,9 +28,9 @@ std::size_t index_in(std::vector<std::string>& names, const std::string& name) {
 class DeepLabCutReader {
  public:
   explicit DeepLabCutReader(const std::filesystem::path& path)
-      : reader_(path, "a table of DeepLabCut", Separator::comma) {
+      : reader_(path, "a table of DeepLabCut"), columns_(reader_.header().size()) {
     read_header();
-    while (reader_.next_row(columns_)) read_row();
+    while (reader_.next_row()) read_row();
     result_.points = points_;
     result_.by_name = true;
     result_.unit = PointUnit::pixels;
@@ -43,21 +42,20 @@ class DeepLabCutReader {
 
   /// The next row of the header, which begins with `title`.
   Row header_row(const char* title) {
-    reader_.require_line(fmt::format("the row '{}'", title));
-    Row row(reader_.tokens().begin(), reader_.tokens().end());
+    if (!reader_.next_line())
+      reader_.fail_here("reading a table of DeepLabCut: the file ends where the row '{}' should stand", title);
+    Row row = reader_.cells();
     if (row[0] != title || row.size() != columns_)
       reader_.fail_here("reading a table of DeepLabCut: expected the row '{}' with {} columns", title, columns_);
     return row;
   }
 
   void read_header() {
-    reader_.require_line("the row 'scorer'");
-    columns_ = reader_.tokens().size();
     // Newer files spread the path of an image over three columns.
-    while (first_ < columns_ && reader_.tokens()[first_].empty()) ++first_;
+    while (first_ < columns_ && reader_.header()[first_].empty()) ++first_;
     Row individuals;
-    reader_.require_line("the row 'bodyparts' or 'individuals'");
-    Row bodyparts(reader_.tokens().begin(), reader_.tokens().end());
+    if (!reader_.next_line()) reader_.fail_here("reading a table of DeepLabCut: the file ends after its first line");
+    Row bodyparts = reader_.cells();
     if (bodyparts[0] == "individuals") {
       individuals = bodyparts;
       bodyparts = header_row("bodyparts");
@@ -89,20 +87,11 @@ class DeepLabCutReader {
     }
   }
 
-  /// NaN for an empty cell.
-  double cell(int column) const {
-    const std::string_view text = reader_.tokens()[column];
-    if (text.empty()) return std::nan("");
-    const std::optional<double> value = parse_number(text);
-    if (!value || std::abs(*value) > kMaxDeepLabCutCoordinate)
-      reader_.fail_here("reading a table of DeepLabCut: column {} holds '{}', a number is expected", column + 1,
-                        text.substr(0, 40));
-    return *value;
-  }
+  double cell(int column) const { return reader_.number(as_size(column)); }
 
   void read_row() {
     DetectedImage image;
-    const std::string row_name(reader_.tokens()[first_ - 1]);
+    const std::string& row_name = reader_.cells()[first_ - 1];
     const std::optional<double> number = parse_number(row_name);
     if (!number) {
       image.name = row_name;
@@ -120,12 +109,18 @@ class DeepLabCutReader {
     result_.images.push_back(std::move(image));
   }
 
-  TextReader reader_;
-  std::size_t columns_ = 0, first_ = 1;
+  CsvReader reader_;
+  std::size_t columns_, first_ = 1;
   std::vector<std::string> individuals_, points_;
   std::vector<DeepLabCutPoint> layout_;
   Detections result_;
 };
+
+/// Whether the first of several cells is this word.
+bool begins_with(std::string_view line, const char* word) {
+  const std::vector<std::string> cells = csv_cells(line.substr(0, line.find('\r')));
+  return cells.size() > 1 && cells[0] == word;
+}
 
 /// The CSV files of DeepLabCut, of labelled frames and of analysed videos: rows `scorer`, `bodyparts` and `coords`,
 /// with several animals also `individuals`. The first column, or the first three together, is an image's path or a
@@ -135,9 +130,16 @@ class DeepLabCutKeypoints : public KeypointFormat {
  public:
   std::string name() const override { return "deeplabcut"; }
   bool recognises(const KeypointFile& file) const override {
-    const bool has_rows =
-        file.head.find("\nbodyparts,") != std::string::npos && file.head.find("\ncoords,") != std::string::npos;
-    return has_rows && (file.head.starts_with("scorer,") || file.head.starts_with("\xEF\xBB\xBFscorer,"));
+    if (file.document || !begins_with(csv_header(file.head), "scorer")) return false;
+    bool bodyparts = false, coords = false;
+    for (std::size_t begin = 0; begin < file.head.size();) {
+      const std::size_t end = std::min(file.head.find('\n', begin), file.head.size());
+      const std::string_view line = std::string_view(file.head).substr(begin, end - begin);
+      bodyparts |= begins_with(line, "bodyparts");
+      coords |= begins_with(line, "coords");
+      begin = end + 1;
+    }
+    return bodyparts && coords;
   }
   Detections read(const KeypointFile& file, const KeypointCamera& /*camera*/) const override {
     return DeepLabCutReader(file.path).take();

@@ -28,8 +28,8 @@ std::map<long, fs::path> keypoint_files_of_folder(const fs::path& folder) {
   const NumberedNames numbered = number_names(names);
   if (numbered.by_position && names.size() > 1)
     log::warn(
-        "{}: the names of the files do not end in different numbers; their frames are their positions in "
-        "natural order",
+        "{}: the names of the files do not end in different frame numbers, or hold times; their frames are their "
+        "positions in natural order",
         folder.string());
   std::map<long, fs::path> files;
   for (std::size_t i = 0; i < names.size(); ++i) files[numbered.frames[i]] = folder / names[i];
@@ -47,8 +47,8 @@ bool is_of_one_image(const fs::path& path, const KeypointCamera& camera) {
 
 }  // namespace
 
-KeypointSource::KeypointSource(std::string path, const PointLayout& layout, const KeypointCamera& camera)
-    : path_(std::move(path)), layout_(layout), camera_(camera) {
+KeypointSource::KeypointSource(std::string path, const PointLayout& layout, const KeypointCamera& camera, long offset)
+    : path_(std::move(path)), layout_(layout), camera_(camera), offset_(offset) {
   if (has_frame_placeholder(path_)) return;
   if (fs::is_directory(path_)) files_ = keypoint_files_of_folder(path_);
   if (files_.size() > 1 || (files_.size() == 1 && is_of_one_image(files_.begin()->second, camera_))) return;
@@ -56,6 +56,8 @@ KeypointSource::KeypointSource(std::string path, const PointLayout& layout, cons
 }
 
 std::optional<People> KeypointSource::people(long frame) const {
+  frame += offset_;
+  if (frame < 0) return std::nullopt;
   if (all_) {
     const auto found = all_->find(frame);
     return found == all_->end() ? People() : found->second;
@@ -66,6 +68,12 @@ std::optional<People> KeypointSource::people(long frame) const {
   }
   const fs::path file = expand_pattern(path_, 0, "", frame);
   return fs::is_regular_file(file) ? std::optional(read_people(file, layout_, camera_)) : std::nullopt;
+}
+
+std::optional<std::pair<long, long>> KeypointSource::range() const {
+  if (all_ && !all_->empty()) return std::pair(all_->begin()->first - offset_, all_->rbegin()->first - offset_);
+  if (!files_.empty() && !all_) return std::pair(files_.begin()->first - offset_, files_.rbegin()->first - offset_);
+  return std::nullopt;
 }
 
 }  // namespace doppel

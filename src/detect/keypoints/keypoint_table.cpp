@@ -1,14 +1,20 @@
 #include "doppel/detect/keypoints/keypoint_table.h"
 
-#include <climits>
-#include <cmath>
+#include <algorithm>
+#include <array>
+#include <numeric>
+#include <optional>
 #include <set>
+#include <tuple>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/excerpt.h"
 #include "doppel/core/file_head.h"
-#include "doppel/core/text_reader.h"
+#include "doppel/detect/keypoints/csv_reader.h"
 #include "doppel/detect/keypoints/format.h"
 #include "doppel/detect/keypoints/json_parts.h"
+#include "doppel/detect/keypoints/keypoint_map.h"
 
 namespace doppel {
 
@@ -16,82 +22,193 @@ namespace {
 
 constexpr char kTableHeader[] = "frame,name,x,y,confidence";
 constexpr char kTableOfCameras[] = "frame,camera,name,x,y,confidence";  ///< one table may hold several cameras
-constexpr double kMaxTableCoordinate = 1e7;
 constexpr std::size_t kOthersInMessage = 20;
 
-/// The first line without blanks and byte order mark.
-std::string table_header(const std::string& text) {
-  std::string line = text.substr(0, text.find_first_of("\r\n"));
-  if (line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
-  std::erase(line, ' ');
-  return line;
-}
-bool has_table_header(const std::string& text) {
-  const std::string header = table_header(text);
-  return header == kTableHeader || header == kTableOfCameras;
+/// What a column of a table with one row per point holds. The numbers are positions in Columns.
+enum Role { kFrame, kImage, kCamera, kPerson, kName, kNumber, kX, kY, kZ, kConfidence, kRoles };
+
+/// The roles by the names of columns (plain_column). Of several names of a role, the first that a table has counts.
+const std::array<std::vector<std::string>, kRoles>& names_of_roles() {
+  static const std::array<std::vector<std::string>, kRoles> names{{
+      {"frame", "frameid", "framenumber", "frameindex", "frameidx", "frameno", "framenum", "framenr", "fnum"},
+      {"image", "imageid", "imagename", "imagefile", "file", "filename", "img", "imgname"},
+      {"camera", "cam", "cameraname", "camname", "cameraid", "camid", "view"},
+      {"person", "personid", "personindex", "personidx", "individual", "individuals", "trackid", "subject", "subjectid",
+       "instance", "instanceid"},
+      {"name", "joint", "jointname", "keypoint", "keypointname", "bodypart", "bodyparts", "bodypartname", "landmark",
+       "landmarkname", "point", "pointname", "part", "partname", "marker", "markername", "label"},
+      {"jointid", "jointindex", "jointidx", "jointnumber", "keypointid", "keypointindex", "keypointidx",
+       "keypointnumber", "landmarkid", "landmarkindex", "landmarkidx", "landmarknumber", "bodypartid", "pointid",
+       "pointindex", "pointidx", "pointnumber"},
+      {"x", "xpx", "xpixel", "xpixels", "pixelx", "xcoord", "xcoordinate", "xpos", "u"},
+      {"y", "ypx", "ypixel", "ypixels", "pixely", "ycoord", "ycoordinate", "ypos", "v"},
+      {"z", "zpx", "zcoord", "zcoordinate", "zpos"},
+      {"confidence", "conf", "likelihood", "score", "visibility", "probability", "prob", "certainty", "c", "p"},
+  }};
+  return names;
 }
 
-/// Reads the rows of one camera: all rows of a table without a column `camera`.
+/// [roles] positions of the columns; -1: there is none.
+using Columns = std::array<int, kRoles>;
+
+Columns columns_of_table(const std::vector<std::string>& header) {
+  Columns columns{};
+  std::vector<std::string> plain;
+  for (const std::string& name : header) plain.push_back(plain_column(name));
+  for (std::size_t role = 0; role < columns.size(); ++role) {
+    columns[role] = -1;
+    for (const std::string& name : names_of_roles()[role]) {
+      const auto found = std::find(plain.begin(), plain.end(), name);
+      if (found == plain.end()) continue;
+      columns[role] = static_cast<int>(found - plain.begin());
+      break;
+    }
+  }
+  return columns;
+}
+
+bool has_point(const Columns& columns) { return columns[kX] >= 0 && columns[kY] >= 0; }
+bool has_name(const Columns& columns) { return columns[kName] >= 0 || columns[kNumber] >= 0; }
+bool has_time(const Columns& columns) { return columns[kFrame] >= 0 || columns[kImage] >= 0; }
+/// Programs that write depths beside points of an image also write how sure they are.
+bool is_in_space(const Columns& columns) { return columns[kZ] >= 0 && columns[kConfidence] < 0; }
+
+/// Doppel's own tables have exactly these columns, and are written in pixels.
+bool is_own(const std::vector<std::string>& header) {
+  const std::string joined = fmt::format("{}", fmt::join(header, ","));
+  return joined == kTableHeader || joined == kTableOfCameras;
+}
+
+/// Reads the rows of one camera: all rows of a table without a column for cameras.
 class TableReader {
  public:
   TableReader(const KeypointFile& file, std::string camera)
-      : reader_(file.path, "a table of keypoints", Separator::comma),
+      : reader_(file.path, "a table of keypoints"),
         camera_(std::move(camera)),
-        name_column_(table_header(file.head) == kTableOfCameras ? 2 : 1) {
-    reader_.require_header(name_column_ == 2 ? kTableOfCameras : kTableHeader);
-    while (reader_.next_row(name_column_ + 4)) read_row();
-    if (images_.empty() && name_column_ == 1) reader_.fail_here("the table has no rows");
+        columns_(columns_of_table(reader_.header())),
+        own_(is_own(reader_.header())) {
+    require_columns();
+    while (reader_.next_row()) read_row();
+    if (images_.empty() && columns_[kCamera] < 0) reader_.fail_here("the table has no rows");
     if (images_.empty())
       reader_.fail_here("the table has no row of camera '{}'; it has rows of: {}", camera_, fmt::join(others_, ", "));
   }
 
   Detections take() {
-    result_.by_name = true;
-    result_.unit = PointUnit::pixels;
-    for (auto& [frame, points] : images_) {
-      points.resize(result_.points.size());
-      result_.images.push_back({frame, "", {{std::move(points), {}}}});
+    const std::vector<int> order = order_of_points();
+    if (own_) result_.unit = PointUnit::pixels;
+    for (auto& [image, people] : images_) {
+      DetectedImage found{image.first < 0 ? std::nullopt : std::optional(image.first), image.second, {}};
+      for (auto& [person, points] : people) {
+        Person body(num_points_);
+        for (std::size_t i = 0; i < points.size(); ++i) body[as_size(order[i])] = points[i];
+        found.people.push_back({std::move(body), {}});
+      }
+      result_.images.push_back(std::move(found));
     }
     return std::move(result_);
   }
 
  private:
-  void read_row() {
-    const long frame = reader_.integer(0, "the frame", 0, INT_MAX);
-    const double x = reader_.number(name_column_ + 1, "x"), y = reader_.number(name_column_ + 2, "y");
-    const double sure = reader_.number(name_column_ + 3, "the confidence");
-    if (sure < 0.0 || sure > 1.0) reader_.fail_here("the confidence is {}, allowed is 0 to 1", sure);
-    if (std::abs(x) > kMaxTableCoordinate || std::abs(y) > kMaxTableCoordinate)
-      reader_.fail_here("({}, {}) lies in no image", x, y);
-    if (name_column_ == 2 && reader_.tokens()[1] != camera_) {
-      if (others_.size() < kOthersInMessage) others_.emplace(reader_.tokens()[1].substr(0, 60));
-      return;
-    }
-    const auto [entry, is_new] =
-        indices_.emplace(std::string(reader_.tokens()[name_column_]), static_cast<int>(result_.points.size()));
-    if (is_new) result_.points.push_back(entry->first);
-    if (!given_.emplace(frame, entry->second).second)
-      reader_.fail_here("the point '{}' of frame {} is given twice", entry->first, frame);
-    Person& points = images_[frame];
-    if (points.size() < result_.points.size()) points.resize(result_.points.size());
-    points[entry->second] = keypoint_of(x, y, sure);
+  void require_columns() const {
+    std::vector<std::string> missing;
+    if (!has_time(columns_)) missing.emplace_back("the frame (frame, frame_id, ...; or image)");
+    if (!has_name(columns_)) missing.emplace_back("the point (name, joint, keypoint, bodypart, landmark, ...)");
+    if (columns_[kX] < 0) missing.emplace_back("x");
+    if (columns_[kY] < 0) missing.emplace_back("y");
+    if (!missing.empty())
+      reader_.fail_here("reading a table of keypoints: there is no column for {}; the first line names {}",
+                        fmt::join(missing, " and "),
+                        excerpt(fmt::format("{}", fmt::join(reader_.header(), ", ")), 300));
+    if (is_in_space(columns_))
+      reader_.fail_here(
+          "reading a table of keypoints: with x, y, z and no confidence these are points in space; points in the image "
+          "are needed. If z may be ignored, add a column `confidence`");
   }
 
-  TextReader reader_;
+  const std::string& cell(Role role) const { return reader_.cells()[as_size(columns_[role])]; }
+  double number(Role role) const { return reader_.number(as_size(columns_[role])); }
+
+  void read_row() {
+    std::pair<long, std::string> image{-1, ""};
+    if (columns_[kFrame] >= 0)
+      image.first = reader_.integer(as_size(columns_[kFrame]), "the frame");
+    else
+      image.second = cell(kImage);
+    const double sure = columns_[kConfidence] < 0 ? 1.0 : number(kConfidence);
+    if (own_ && (sure < 0.0 || sure > 1.0)) reader_.fail_here("the confidence is {}, allowed is 0 to 1", sure);
+    const Keypoint point = keypoint_of(number(kX), number(kY), sure);
+    if (columns_[kCamera] >= 0 && cell(kCamera) != camera_) {
+      if (others_.size() < kOthersInMessage) others_.emplace(excerpt(cell(kCamera)));
+      return;
+    }
+    const std::string &name = cell(columns_[kName] >= 0 ? kName : kNumber),
+                      person = columns_[kPerson] >= 0 ? cell(kPerson) : "";
+    const auto [entry, is_new] = indices_.emplace(name, indices_.size());
+    if (is_new) names_.push_back(name);
+    if (!given_.emplace(image, person, entry->second).second)
+      reader_.fail_here("the point '{}' of frame {}{} is given twice{}", excerpt(name),
+                        image.first < 0 ? excerpt(image.second) : std::to_string(image.first),
+                        person.empty() ? "" : " of a person",
+                        columns_[kPerson] < 0 ? "; a table of several people needs a column `person`" : "");
+    Person& points = images_[image][person];
+    if (points.size() < names_.size()) points.resize(names_.size());
+    points[entry->second] = point;
+  }
+
+  /// The position of each point: as named, or by its number from 0 or 1.
+  std::vector<int> order_of_points() {
+    std::vector<int> order;
+    num_points_ = names_.size();
+    for (const std::string& name : names_)
+      if (const std::optional<int> number = number_of_point(name)) order.push_back(*number);
+    if (!own_ && order.size() == names_.size() && !order.empty()) {
+      const auto [least, most] = std::minmax_element(order.begin(), order.end());
+      const int first = *least > 0 && has_layout_of(*most) ? 1 : 0;
+      num_points_ = as_size(*most + 1 - first);
+      for (int& number : order) number -= first;
+      return order;
+    }
+    result_.points = names_;
+    result_.by_name = true;
+    order.resize(names_.size());
+    std::iota(order.begin(), order.end(), 0);
+    return order;
+  }
+
+  static std::optional<int> number_of_point(const std::string& name) {
+    const bool digits = !name.empty() && name.size() < 4 && name.find_first_not_of("0123456789") == std::string::npos;
+    return digits ? std::optional(std::stoi(name)) : std::nullopt;
+  }
+
+  static bool has_layout_of(int count) {
+    const std::vector<PointLayout>& layouts = builtin_layouts();
+    return std::any_of(layouts.begin(), layouts.end(),
+                       [&](const PointLayout& layout) { return layout.points.size() == as_size(count); });
+  }
+
+  CsvReader reader_;
   std::string camera_;
-  std::size_t name_column_;
-  std::map<std::string, int> indices_;
-  std::map<long, Person> images_;
-  std::set<std::pair<long, int>> given_;
+  Columns columns_;
+  bool own_;
+  std::map<std::string, std::size_t> indices_;
+  std::vector<std::string> names_;  ///< in the order of their first rows
+  std::size_t num_points_ = 0;
+  std::map<std::pair<long, std::string>, std::map<std::string, Person>> images_;
+  std::set<std::tuple<std::pair<long, std::string>, std::string, std::size_t>> given_;
   std::set<std::string> others_;
   Detections result_;
 };
 
-/// Doppel's own table: one row per point, one person per frame, pixels. Points without a row are not seen.
+/// Tables with one row per point. The columns go by their names, in any order. Points without a row are not seen.
 class TableKeypoints : public KeypointFormat {
  public:
   std::string name() const override { return "table"; }
-  bool recognises(const KeypointFile& file) const override { return has_table_header(file.head); }
+  bool recognises(const KeypointFile& file) const override {
+    if (file.document) return false;
+    const Columns columns = columns_of_table(csv_cells(csv_header(file.head)));
+    return has_point(columns) && (has_name(columns) || has_time(columns));
+  }
   Detections read(const KeypointFile& file, const KeypointCamera& camera) const override {
     return TableReader(file, camera.name).take();
   }
@@ -103,7 +220,8 @@ std::unique_ptr<KeypointFormat> make_table_keypoints() { return std::make_unique
 
 bool is_keypoint_table(const std::filesystem::path& path) {
   const std::string head = read_head(path, 4096);
-  return has_table_header(head.substr(0, head.find('\n')));
+  const Columns columns = columns_of_table(csv_cells(csv_header(head)));
+  return has_point(columns) && has_name(columns) && has_time(columns) && !is_in_space(columns);
 }
 
 void write_keypoint_table(const std::filesystem::path& path, const PointLayout& layout,
@@ -114,12 +232,12 @@ void write_keypoint_table(const std::filesystem::path& path, const PointLayout& 
     for (std::size_t i = 0; !people.empty() && i < layout.points.size(); ++i) {
       const Keypoint& point = people[0].at(i);
       if (point.confidence > 0.0f)
-        text +=
-            fmt::format("{},{},{:.3f},{:.3f},{:.4f}\n", frame, layout.points[i], point.x, point.y, point.confidence);
+        text += fmt::format("{},{},{:.3f},{:.3f},{:.4f}\n", frame, csv_cell(layout.points[i]), point.x, point.y,
+                            point.confidence);
     }
   }
   if (text == header && !frames.empty())
-    text += fmt::format("{},{},0,0,0\n", frames.begin()->first, layout.points.at(0));
+    text += fmt::format("{},{},0,0,0\n", frames.begin()->first, csv_cell(layout.points.at(0)));
   write_atomically(path, text);
 }
 

@@ -13,7 +13,9 @@ namespace doppel {
 void write_keypoint_table(const std::filesystem::path& path, const PointLayout& layout,
                           const std::map<long, People>& frames);
 
-/// Whether a file is such a table, by its first line. It may have a column `camera` after `frame`.
+/// Whether a file is a table of points with one row each, by its first line: columns of the frame, of the point and of
+/// x and y, in any order and under any of their usual names. Columns of the camera, of the person and of the confidence
+/// may be there.
 bool is_keypoint_table(const std::filesystem::path& path);
 
 }  // namespace doppel

@@ -6,8 +6,10 @@
 #include <set>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/excerpt.h"
 #include "doppel/core/file_head.h"
 #include "doppel/core/log.h"
+#include "doppel/detect/keypoints/csv_reader.h"
 #include "doppel/detect/keypoints/frame_names.h"
 #include "doppel/detect/keypoints/json_parts.h"
 #include "doppel/detect/keypoints/keypoint_map.h"
@@ -39,11 +41,17 @@ const KeypointFormat& format_of(const KeypointFile& file) {
     if (format->recognises(file)) return *format;
   std::vector<std::string> names;
   for (const auto& format : keypoint_formats()) names.push_back(format->name());
+  const std::vector<std::string> columns =
+      file.document ? std::vector<std::string>() : csv_cells(csv_header(file.head));
+  const std::string found = columns.size() < 2 ? ""
+                                               : fmt::format("; the first line names the columns {}",
+                                                             excerpt(fmt::format("{}", fmt::join(columns, ", ")), 200));
   fail_at({file.path.string(), 0},
           "is not a keypoint file of a known format ({}): in JSON, a person must have `pose_keypoints_2d` or "
           "`keypoints`, in a list `people`, `annots`, `instances`, `predictions` or `annotations`; a table must have "
-          "columns of x and y",
-          fmt::join(names, ", "));
+          "columns `frame`, `name` (or joint, keypoint, ...), `x` and `y`, or `frame` and two for each point like "
+          "`nose_x` and `nose_y`{}",
+          fmt::join(names, ", "), found);
 }
 
 /// Whether the coordinates of the seen points are fractions of the image's size.
@@ -168,9 +176,9 @@ std::map<std::string, long> frames_by_name(const Detections& detections, const f
   const NumberedNames numbered = number_names(names);
   if (numbered.by_position)
     log::warn(
-        "{}: the names of the images do not end in different numbers; their frames are their positions in "
-        "natural order",
-        path.string());
+        "{}: the names of the {} images do not end in different frame numbers, or hold times; their frames are their "
+        "positions in natural order",
+        path.string(), names.size());
   std::map<std::string, long> frames;
   for (std::size_t i = 0; i < names.size(); ++i) frames[names[i]] = numbered.frames[i];
   return frames;

@@ -1,10 +1,8 @@
 #include <algorithm>
-#include <climits>
-#include <cmath>
 #include <map>
 
 #include "doppel/core/as_size.h"
-#include "doppel/core/text_reader.h"
+#include "doppel/detect/keypoints/csv_reader.h"
 #include "doppel/detect/keypoints/format.h"
 #include "doppel/detect/keypoints/json_parts.h"
 
@@ -12,7 +10,6 @@ namespace doppel {
 
 namespace {
 
-constexpr double kMaxWideCoordinate = 1e7;
 constexpr std::size_t kMaxWideColumns = 10000;
 
 /// A column like `L0_x`, `nose.y`, `x12` or `left_hip_visibility`.
@@ -79,13 +76,18 @@ bool order_by_number(const std::vector<std::string>& names, std::vector<WidePoin
   return true;
 }
 
+bool is_frame_column(const std::string& name) {
+  const std::string plain = plain_column(name);
+  for (const char* known : {"frame", "frameid", "framenumber", "frameindex", "frameidx", "frameno", "framenum", "fnum"})
+    if (plain == known) return true;
+  return false;
+}
+
 WideHeader read_wide_header(const std::vector<std::string>& columns) {
   WideHeader header;
   std::map<std::string, std::size_t> indices;
   for (std::size_t c = 0; c < columns.size() && columns.size() <= kMaxWideColumns; ++c) {
-    const std::string plain = lower(columns[c]);
-    if (plain == "frame" || plain == "frame_id" || plain == "frame_number" || plain == "frame_index")
-      header.frame = static_cast<int>(c);
+    if (is_frame_column(columns[c])) header.frame = static_cast<int>(c);
     const WideColumn column = wide_column(columns[c]);
     if (column.part == 0 || column.point.empty()) continue;
     const auto [entry, is_new] = indices.emplace(column.point, header.points.size());
@@ -103,54 +105,31 @@ WideHeader read_wide_header(const std::vector<std::string>& columns) {
   return header;
 }
 
-std::vector<std::string> columns_of(std::string line) {
-  if (line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
-  std::vector<std::string> columns(1);
-  for (const char c : line) {
-    if (c == ',')
-      columns.emplace_back();
-    else if (c != '\r' && c != '"')
-      columns.back() += c;
-  }
-  return columns;
-}
-
 class WideReader {
  public:
-  explicit WideReader(const std::filesystem::path& path) : reader_(path, "a table of keypoints", Separator::comma) {
-    reader_.require_line("the header");
-    header_ = read_wide_header(columns_of(std::string(reader_.line())));
+  explicit WideReader(const std::filesystem::path& path)
+      : reader_(path, "a table of keypoints"), header_(read_wide_header(reader_.header())) {
     if (header_.points.empty()) reader_.fail_here("reading keypoints: the header names no points with x and y");
-    const std::size_t columns = reader_.tokens().size();
     result_.points = header_.names;
     result_.by_name = !header_.names.empty();
-    while (reader_.next_row(columns)) read_row();
+    while (reader_.next_row()) read_row();
   }
   Detections take() { return std::move(result_); }
 
  private:
-  /// NaN for an empty cell.
-  double cell(int column) const {
-    const std::string_view text = reader_.tokens()[column];
-    if (text.empty()) return std::nan("");
-    const std::optional<double> value = parse_number(text);
-    if (!value || std::abs(*value) > kMaxWideCoordinate)
-      reader_.fail_here("reading keypoints: column {} holds '{}', a number is expected", column + 1,
-                        text.substr(0, 40));
-    return *value;
-  }
-
   void read_row() {
     const long row = static_cast<long>(result_.images.size());
-    const long frame = header_.frame < 0 ? row : reader_.integer(as_size(header_.frame), "the frame", 0, INT_MAX);
+    const long frame = header_.frame < 0 ? row : reader_.integer(as_size(header_.frame), "the frame");
     DetectedPerson person;
     for (const WidePoint& point : header_.points)
       person.body.push_back(
-          keypoint_of(cell(point.x), cell(point.y), point.confidence < 0 ? 1.0 : cell(point.confidence)));
+          keypoint_of(number(point.x), number(point.y), point.confidence < 0 ? 1.0 : number(point.confidence)));
     result_.images.push_back({frame, "", {std::move(person)}});
   }
 
-  TextReader reader_;
+  double number(int column) const { return reader_.number(as_size(column)); }
+
+  CsvReader reader_;
   WideHeader header_;
   Detections result_;
 };
@@ -164,7 +143,7 @@ class WideKeypoints : public KeypointFormat {
   std::string name() const override { return "wide_csv"; }
   bool recognises(const KeypointFile& file) const override {
     if (file.document) return false;
-    return !read_wide_header(columns_of(file.head.substr(0, file.head.find('\n')))).points.empty();
+    return !read_wide_header(csv_cells(csv_header(file.head))).points.empty();
   }
   Detections read(const KeypointFile& file, const KeypointCamera& /*camera*/) const override {
     return WideReader(file.path).take();

@@ -97,5 +97,30 @@ TEST(FrameNames, CountByPositionWhenNumbersRepeat) {
   EXPECT_TRUE(number_names({}).frames.empty());
 }
 
+TEST(FrameNames, OfTimesAreInTheirOrder) {
+  const auto frames = [](const std::vector<std::string>& names) { return number_names(names).frames; };
+  EXPECT_THAT(
+      frames({"2024-05-06T07_08_10.030000.png", "2024-05-06T07_08_09.975000.png", "2024-05-06T07_08_09.920000.png"}),
+      ElementsAre(2, 1, 0));
+  EXPECT_THAT(frames({"2024-05-06T07_08_09.700.png", "2024-05-06T07_08_09.740.png"}), ElementsAre(0, 1))
+      << "one second";
+  EXPECT_THAT(frames({"20240506_070809_700.png", "20240506_070809_740.png"}), ElementsAre(0, 1));
+  EXPECT_THAT(frames({"1714979289123.jpg", "1714979289083.jpg"}), ElementsAre(1, 0)) << "milliseconds since 1970";
+  EXPECT_THAT(frames({"1714979289.8.jpg", "1714979289.755.jpg", "1714979290.jpg"}), ElementsAre(1, 0, 2));
+  EXPECT_THAT(frames({"2024-05-06T07_08_10.04.png", "2024-05-06T07_08_10.png", "2024-05-06T07_08_09.96.png"}),
+              ElementsAre(2, 1, 0));
+  EXPECT_THAT(frames({"1714979289.8.jpg", "1714979289.755.jpg", "1714979290.1.jpg"}), ElementsAre(1, 0, 2));
+  EXPECT_THAT(frames({"7_000_0.033.jpg", "8_000_0.066.jpg", "9_000_0.099.jpg"}), ElementsAre(0, 1, 2));
+}
+
+TEST(FrameNames, OfFramesKeepTheirNumbers) {
+  const auto frames = [](const std::vector<std::string>& names) { return number_names(names).frames; };
+  EXPECT_THAT(frames({"20240506_070809_000012.png", "20240506_070809_000013.png"}), ElementsAre(12, 13));
+  EXPECT_THAT(frames({"20240506_070809_000010.png", "20240506_070809_000020.png"}), ElementsAre(10, 20));
+  EXPECT_THAT(frames({"part1_0098.png", "part1_0099.png", "part2_0100.png"}), ElementsAre(98, 99, 100));
+  EXPECT_THAT(frames({"img_000040.png", "img_000080.png"}), ElementsAre(40, 80)) << "some frames of a video";
+  EXPECT_THAT(frames({"2024-05-06T07_08_09.png"}), ElementsAre(9));
+}
+
 }  // namespace
 }  // namespace doppel::names_test

@@ -266,6 +266,13 @@ TEST_F(KeypointFiles, TablesAreWrittenAndReadAgain) {
   EXPECT_TRUE(read_all_people(file_, layout_of(3), {"left"}).at(5).empty());
 }
 
+TEST_F(KeypointFiles, TablesKeepAnyNameOfAPoint) {
+  const PointLayout odd{"odd", {"a,b", "say \"nose\"", " edge ", "7"}};
+  write_keypoint_table(file_, odd, {{0, {{{1, 2, 0.5f}, {3, 4, 0.5f}, {5, 6, 0.5f}, {7, 8, 0.5f}}}}});
+  const auto found = read_all_people(file_, odd);
+  for (std::size_t k = 0; k < 4; ++k) EXPECT_EQ(found.at(0)[0][k].x, 1.0f + 2.0f * static_cast<float>(k)) << k;
+}
+
 TEST_F(KeypointFiles, TablesWithoutACameraAreOfOneCamera) {
   const std::string header = "frame,name,x,y,confidence\n";
   const auto found = all(header + "3,p2,20.5,2,0.5\n3,p0,1.5,2,0.25\n", 3, {"any"});
@@ -275,6 +282,76 @@ TEST_F(KeypointFiles, TablesWithoutACameraAreOfOneCamera) {
   const auto refusal = [&](const std::string& text) { return message_of<FileError>([&] { all(text, 3, {"any"}); }); };
   EXPECT_THAT(refusal(header), HasSubstr("no rows"));
   EXPECT_THAT(refusal(header + "3,cam,p0,1,1,1\n"), HasSubstr("k.any:2"));
+}
+
+TEST_F(KeypointFiles, TablesGoByTheNamesOfTheirColumns) {
+  for (const std::string text :
+       {"x,y,confidence,frame,joint\n20.5,2,0.5,3,p2\n1.5,2,1,3,p0\n", "frame,keypoint,x,y,score\n3,p2,20.5,2,0.5\n",
+        "name,frame,x,y,likelihood\np2,3,20.5,2,0.5\n", "Frame_ID,Body Part,X,Y,C\n3,p2,20.5,2,0.5\n",
+        ",frame,landmark,x,y,z,visibility\n0,3,p2,20.5,2,-7,0.5\n",
+        "image,bodypart,x,y,conf\ncam_03.png,p2,20.5,2,0.5\n",
+        "frame,joint_id,x,y,confidence\n3,0,1,1,0\n3,2,20.5,2,0.5\n",
+        "sep=;\nframe;marker;x;y;conf\n3;p2;20,5;2;0,5\n"}) {
+    const auto found = all(text, 3, {"any", 0, 100, 100});
+    ASSERT_EQ(found.count(3), 1u) << text;
+    ASSERT_EQ(found.at(3).size(), 1u) << text;
+    expect_person(found.at(3)[0]);
+  }
+  const auto people = all("frame,person_id,joint,x,y\n3,7,p0,1,2\n3,9,p0,30,2\n3,9,p2,31,2\n").at(3);
+  ASSERT_EQ(people.size(), 2u);
+  EXPECT_EQ(people[1][2].x, 31.0f);
+  EXPECT_EQ(people[1][2].confidence, 1.0f) << "no column says how sure it is";
+  EXPECT_EQ(all("cam,y,x,frame,joint\nleft,2,1,3,p0\nright,5,6,3,p0\n", 3, {"right"}).at(3)[0][0].x, 6.0f);
+}
+
+TEST_F(KeypointFiles, TablesOfNumberedPointsCountFromZeroOrOne) {
+  std::string from_one = "frame,landmark_id,x,y\n", from_zero = from_one;
+  for (int k = 0; k < 17; ++k) {
+    from_one += fmt::format("0,{},{},5\n", k + 1, 10 * k);
+    from_zero += fmt::format("0,{},{},5\n", k, 10 * k);
+  }
+  for (const std::string& text : {from_one, from_zero}) {
+    const Person person = all(text, 17).at(0)[0];
+    EXPECT_EQ(person[0].x, 0.0f);
+    EXPECT_EQ(person[16].x, 160.0f);
+  }
+}
+
+TEST_F(KeypointFiles, TablesSayWhichColumnsAreMissing) {
+  const auto refusal = [&](const std::string& text) { return message_of<FileError>([&] { all(text, 3, {"any"}); }); };
+  EXPECT_THAT(refusal("x,y,confidence,joint\n1,2,0.5,p0\n"),
+              AllOf(HasSubstr("the frame"), HasSubstr("x, y, confidence, joint")));
+  EXPECT_THAT(refusal("x,y,frame\n1,2,3\n"), AllOf(HasSubstr("the point"), HasSubstr("joint, keypoint")));
+  EXPECT_THAT(refusal("frame,joint,score\n1,p0,3\n"),
+              AllOf(HasSubstr("frame, joint, score"), HasSubstr("`x` and `y`")));
+  EXPECT_THAT(refusal("frame,joint,x,y,z\n1,p0,3,4,5\n"), HasSubstr("points in space"));
+  EXPECT_THAT(refusal("frame,joint,x,y\n1,p0,3,4\n1,p0,5,6\n"), AllOf(HasSubstr("twice"), HasSubstr("`person`")));
+  EXPECT_THAT(refusal("frame,joint,x,y\n1.5,p0,3,4\n"), AllOf(HasSubstr("k.any:2"), HasSubstr("1.5")));
+  EXPECT_THAT(refusal("frame,joint,x,y\n1,p0,\"3,4\n"), AllOf(HasSubstr("k.any:2"), HasSubstr("quotation mark")));
+  EXPECT_THAT(refusal("frame;joint;x;y\n1;p0;3\n"), AllOf(HasSubstr("3 columns"), HasSubstr("';'")));
+}
+
+TEST_F(KeypointFiles, TablesInEverySpellingOfSpreadsheets) {
+  const PointLayout named{"named", {"RHip", "Nose"}};
+  for (const std::string text :
+       {"frame,nose_x,nose_y,right_hip_x,right_hip_y\n2,10.5,20,30,40\n",
+        "\"frame\",\"nose_x\",\"nose_y\",\"right_hip_x\",\"right_hip_y\"\n\"2\",\"10.5\",\"20\",\"30\",\"40\"\n",
+        "\"frame\",\"nose_x\",\"nose_y\",\"right_hip_x\",\"right_hip_y\"\n\"1\",2,10.5,20,30,40\n\"2\",3,NA,NA,1,1\n",
+        "\"\",\"frame\",\"nose_x\",\"nose_y\",\"right_hip_x\",\"right_hip_y\"\n\"1\",2,10.5,20,30,40\n",
+        "frame;nose_x;nose_y;right_hip_x;right_hip_y\r\n2;10,5;20;30;40\r\n3;;;NaN;null\r\n",
+        "frame;nose_x;nose_y;right_hip_x;right_hip_y\n2;10.5;20;30;40\n",
+        "frame\tnose_x\tnose_y\tright_hip_x\tright_hip_y\n2.0\t10,5\t2,0e1\t30\t40\n3\t1\t2\t\t\n",
+        "frame,nose_x,nose_y,right_hip_x,right_hip_y\n2,\"10,5\",20,30,40\n",
+        "frame,nose_x,nose_y,right_hip_x,right_hip_y\n2,10.5,20,30,40,\n"}) {
+    support::write_bytes(file_, text);
+    const auto found = read_all_people(file_, named);
+    ASSERT_EQ(found.count(2), 1u) << text;
+    EXPECT_EQ(found.at(2)[0][1].x, 10.5f) << text;
+    EXPECT_EQ(found.at(2)[0][0].y, 40.0f) << text;
+  }
+  const std::string deeplabcut = "scorer;net;net;net\nbodyparts;nose;nose;nose\ncoords;x;y;likelihood\n2;10,5;20;0,5\n";
+  support::write_bytes(file_, deeplabcut);
+  EXPECT_EQ(read_all_people(file_, named).at(2)[0][1].x, 10.5f);
 }
 
 constexpr char kDeepLabCut[] =
@@ -407,6 +484,8 @@ TEST_F(KeypointFiles, SurviveHostileFiles) {
   expect_survives(R"([{"frame_id":0,"instances":[)" + mmpose_person() + R"(]},{"frame_id":1,"instances":[]}])");
   expect_survives(easymocap(kEasyMocapPerson));
   expect_survives("frame,camera,name,x,y,confidence\n0,c,p0,1.5,2.5,0.5\n0,c,p1,1.5,2.5,0.5\n", {"c"});
+  expect_survives("x;y;score;frame;person;joint\n1,5;2,5;0,5;0;1;\"nose\"\n1,5;2,5;0,5;0;2;\"nose\"\n");
+  expect_survives("image,landmark_id,x,y\na_1.png,0,1,2\na_2.png,1,3,4\n");
   expect_survives(kDeepLabCut);
   expect_survives("frame,L0_x,L0_y,L1_x,L1_y\n0,10,20,30,40\n1,10,20,30,40\n");
 }
@@ -449,6 +528,11 @@ TEST_F(KeypointFiles, SourcesOfAFolder) {
   EXPECT_EQ(source.people(31)->size(), 1u);
   EXPECT_EQ(source.people(9)->size(), 2u);
   EXPECT_FALSE(source.people(10).has_value());
+  EXPECT_EQ(source.range(), std::pair(9L, 31L));
+  const KeypointSource shifted(folder.string(), layout_of(3), {"c"}, 1);
+  EXPECT_EQ(shifted.people(8)->size(), 2u) << "the number in the file is that of the frame plus the offset";
+  EXPECT_EQ(shifted.range(), std::pair(8L, 30L));
+  EXPECT_FALSE(shifted.people(-5).has_value());
   const std::filesystem::path results = folder_ / "results";
   std::filesystem::create_directory(results);
   support::write_bytes(results / "alphapose-results.json", "[" + alphapose("7.jpg", 3) + "]");
