@@ -120,7 +120,7 @@ JointMap read_joint_map(const std::filesystem::path& path) {
     pair->rest_rotation = read_rotation(rotations, target);
   }
   read_scale(root, map);
-  map.z_up = root.choice("up", {"y", "z"}, "y") == "z";
+  if (root.has("up")) map.z_up = root.choice("up", {"y", "z"}, "y") == "z";
   root.finish();
   return map;
 }
@@ -166,7 +166,7 @@ std::string joint_map_text(const JointMap& map) {
     out << map.factor;
   else
     out << (map.scale == JointMap::Scale::hip_height ? "hip_height" : "leg_length");
-  out << YAML::Key << "up" << YAML::Value << (map.z_up ? "z" : "y");
+  if (map.z_up) out << YAML::Key << "up" << YAML::Value << (*map.z_up ? "z" : "y");
   if (turned) {
     out << YAML::Key << "rest_rotation" << YAML::Value << YAML::BeginMap;
     for (const JointMap::Pair& pair : map.pairs) {

@@ -26,8 +26,8 @@ struct JointMap {
 
   std::vector<Pair> pairs;
   Scale scale = Scale::leg_length;
-  double factor = 1.0;  ///< for Scale::number: metres of the target per metre of the source
-  bool z_up = false;    ///< the vertical axis of the source's world; most BVH files have y up
+  double factor = 1.0;       ///< for Scale::number: metres of the target per metre of the source
+  std::optional<bool> z_up;  ///< the vertical axis of the source's world, z or y; nothing where the map states none
 };
 
 /// Reads a map from YAML:
@@ -36,7 +36,7 @@ struct JointMap {
 ///     Root: Hips
 ///     LeftArm: LeftUpperArm
 ///   scale: leg_length  # or hip_height, or a number
-///   up: y              # or z
+///   up: y              # or z; without it as the motion shows, else y
 ///   rest_rotation:     # degrees about x, y, z, where the two rest poses differ in twist
 ///     LeftArm: [0, 0, 45]
 /// @endcode

@@ -4,12 +4,15 @@
 #include <cmath>
 #include <numeric>
 
+#include "doppel/character/mapped_joints.h"
 #include "doppel/character/pose_solver.h"
+#include "doppel/character/source_rest.h"
 #include "doppel/core/angles.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/geometry/best_rotation.h"
+#include "doppel/geometry/up_axis.h"
 
 namespace doppel {
 namespace {
@@ -18,71 +21,14 @@ using Eigen::Affine3d;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kNoLength = 1e-4;  // metres; a shorter bone has no direction
+/// Metres per radian at most where the rest pose is found from the motion, whose twist of limbs is a guess.
+constexpr double kFoundRotationWeight = 0.01;
 
-/// One pair of the map, resolved.
-struct Node {
-  int target = 0, source = 0;
-  int parent = -1;  ///< node
-  bool end = true;
-  Matrix3d rest_turn = Matrix3d::Identity();          ///< rotation of the source's rest pose by the map
+/// One pair of the map, and what the two rest poses say about it.
+struct Node : MappedJoint {
   Matrix3d joint_from_source = Matrix3d::Identity();  ///< C: the target's desired rotation is (the source's) * C
   Vector3d offset_from_parent = Vector3d::Zero();     ///< in the parent joint's frame, target's rest pose
 };
-
-/// The joint of this name, else the last joint of the bone of this name.
-int find_joint(const std::vector<std::string>& joints, const std::string& name, const FileLocation& where,
-               const char* whose) {
-  for (std::size_t j = 0; j < joints.size(); ++j)
-    if (joints[j] == name) return static_cast<int>(j);
-  for (std::size_t j = joints.size(); j-- > 0;)
-    if (bone_name(joints[j]) == name) return static_cast<int>(j);
-  std::vector<std::string> known = joints;
-  for (const std::string& joint : joints) known.push_back(bone_name(joint));
-  fail_at(where, "the {} has no joint '{}'; the joints are {}{}", whose, name, fmt::join(joints, ", "),
-          nearest_word_hint(name, known));
-}
-
-/// The nearest node above joint `target`, or -1.
-int node_above(const Skeleton& skeleton, const std::vector<Node>& nodes, int target) {
-  for (int j = skeleton.joints[target].parent; j >= 0; j = skeleton.joints[j].parent)
-    for (std::size_t n = 0; n < nodes.size(); ++n)
-      if (nodes[n].target == j) return static_cast<int>(n);
-  return -1;
-}
-
-std::vector<Node> resolve(const Skeleton& skeleton, const JointTracks& source, const JointMap& map) {
-  std::vector<std::string> targets;
-  for (const Joint& joint : skeleton.joints) targets.push_back(joint.name);
-  std::vector<Node> nodes;
-  for (const JointMap::Pair& pair : map.pairs) {
-    Node node;
-    node.target = find_joint(targets, pair.target, pair.where, "character");
-    node.source = find_joint(source.names, pair.source, pair.where, "motion's skeleton");
-    node.rest_turn = (Eigen::AngleAxisd(pair.rest_rotation.z(), Vector3d::UnitZ()) *
-                      Eigen::AngleAxisd(pair.rest_rotation.y(), Vector3d::UnitY()) *
-                      Eigen::AngleAxisd(pair.rest_rotation.x(), Vector3d::UnitX()))
-                         .toRotationMatrix();
-    for (const Node& other : nodes)
-      if (other.target == node.target)
-        fail_at(pair.where, "the character's joint '{}' is mapped twice", skeleton.joints[node.target].name);
-    nodes.push_back(node);
-  }
-  std::sort(nodes.begin(), nodes.end(), [](const Node& a, const Node& b) { return a.target < b.target; });
-  for (std::size_t n = 0; n < nodes.size(); ++n) {
-    nodes[n].parent = node_above(skeleton, nodes, nodes[n].target);
-    if (nodes[n].parent >= 0) nodes[nodes[n].parent].end = false;
-    if (n > 0 && nodes[n].parent < 0)
-      fail_at(map.pairs.front().where,
-              "the map has two roots, '{}' and '{}': no mapped joint lies above either. Map a joint above both, "
-              "such as `Root: Hips`",
-              targets[nodes[0].target], targets[nodes[n].target]);
-  }
-  if (nodes.size() < 2)
-    fail_at(map.pairs.empty() ? FileLocation{} : map.pairs.front().where,
-            "the map pairs {} joints; a pose needs at least two", nodes.size());
-  return nodes;
-}
 
 /// Both skeletons in their rest poses, and the alignment between them.
 class RestPoses {
@@ -95,6 +41,7 @@ class RestPoses {
       node.offset_from_parent = target_[parent.target].inverse() * target_position(node);
     }
     const Matrix3d whole = alignment(all_bones(), Matrix3d::Identity());
+    source_up_ = nearest_axis(whole.col(1)).axis;
     std::vector<Matrix3d> turns;
     for (std::size_t n = 0; n < nodes_.size(); ++n) {
       Node& node = nodes_[n];
@@ -106,9 +53,9 @@ class RestPoses {
     }
   }
 
-  /// The height of the target's root above its feet minus the scaled height of the source's root. The roots need not be
-  /// the same point of the body.
-  double lift(double scale) const { return hip_height(false) - scale * hip_height(true); }
+  /// The height of the target's root above its feet minus the scaled height of the source's root, upwards in the
+  /// source's rest pose. The roots need not be the same point of the body.
+  Vector3d lift(double scale) const { return (hip_height(false) - scale * hip_height(true)) * source_up_; }
 
   /// The rotation of a node's source joint since its rest pose.
   Matrix3d source_turn(const Node& node, const std::vector<Affine3d>& frame) const {
@@ -160,7 +107,7 @@ class RestPoses {
       const Node& parent = nodes_[node.parent];
       const Vector3d ours = target_position(node) - target_position(parent),
                      theirs = source_position(node) - source_position(parent);
-      if (ours.norm() < kNoLength || theirs.norm() < kNoLength) continue;
+      if (ours.norm() < kNoBoneLength || theirs.norm() < kNoBoneLength) continue;
       from.conservativeResize(3, from.cols() + 1);
       to.conservativeResize(3, to.cols() + 1);
       from.rightCols(1) = ours;
@@ -181,7 +128,8 @@ class RestPoses {
     return lowest;
   }
   double hip_height(bool source) const {
-    return position_in(nodes_[0], source).y() - position_in(nodes_[lowest()], source).y();
+    const Vector3d way = position_in(nodes_[0], source) - position_in(nodes_[lowest()], source);
+    return way.dot(source ? source_up_ : Vector3d::UnitY());
   }
   /// The length from the foot to the hip. The bone to the root is excluded, because the root may be anywhere in the
   /// trunk.
@@ -197,6 +145,7 @@ class RestPoses {
   const std::vector<Affine3d>& target_;
   const std::vector<Affine3d>& source_;
   std::vector<Node>& nodes_;
+  Vector3d source_up_ = Vector3d::UnitY();  ///< the axis along which the source's rest pose stands
 };
 
 /// The scaled source of one frame (retarget.h): the desired position and rotation of every node.
@@ -211,7 +160,7 @@ std::vector<PoseGoal> goals_of(const std::vector<Node>& nodes, const std::vector
     goal.rotation_weight = options.rotation_weight;
     goal.position_weight = node.end ? options.end_weight : 1.0;
     if (node.parent < 0) {
-      goal.position = scale * source.translation() + rest.source_turn(node, frame) * Vector3d(0, rest.lift(scale), 0);
+      goal.position = scale * source.translation() + rest.source_turn(node, frame) * rest.lift(scale);
     } else {
       const Node& parent = nodes[node.parent];
       const PoseGoal& above = goals[node.parent];
@@ -219,7 +168,7 @@ std::vector<PoseGoal> goals_of(const std::vector<Node>& nodes, const std::vector
       const Vector3d theirs = rest.source_turn(parent, frame) * rest.source_bone(node);
       const Vector3d now = source.translation() - frame[parent.source].translation();
       // A source bone without length has no direction: the joint follows its parent.
-      const bool rides = now.norm() < kNoLength || theirs.norm() < kNoLength;
+      const bool rides = now.norm() < kNoBoneLength || theirs.norm() < kNoBoneLength;
       goal.position = above.position + (rides ? ours : Vector3d(rotation_between(theirs, now) * ours));
     }
     goals.push_back(goal);
@@ -250,8 +199,8 @@ std::vector<std::vector<double>> starts(const Skeleton& skeleton, const std::vec
   return all;
 }
 
-JointTracks with_y_up(const JointTracks& source, bool z_up) {
-  if (!z_up) return source;
+JointTracks with_y_up(const JointTracks& source, const JointMap& map) {
+  if (!map.z_up.value_or(false)) return source;
   const Affine3d up(Eigen::AngleAxisd(-kPi / 2, Vector3d::UnitX()));
   JointTracks turned = source;
   for (Affine3d& joint : turned.rest) joint = up * joint;
@@ -270,16 +219,48 @@ void add_distances(const Skeleton& skeleton, const std::vector<double>& dofs, co
   }
 }
 
+/// The direction from the feet to the head in a pose of the source, length 1, or 0 for a body without extent: where the
+/// heights in the character's rest pose increase.
+Vector3d upward(const std::vector<MappedJoint>& joints, const std::vector<Affine3d>& target_rest,
+                const std::vector<Affine3d>& pose) {
+  double mean_height = 0.0;
+  for (const MappedJoint& joint : joints)
+    mean_height += target_rest[joint.target].translation().y() / static_cast<double>(joints.size());
+  Vector3d sum = Vector3d::Zero();
+  for (const MappedJoint& joint : joints)
+    sum += (target_rest[joint.target].translation().y() - mean_height) * pose[joint.source].translation();
+  return sum.norm() > 0 ? Vector3d(sum.normalized()) : Vector3d(Vector3d::Zero());
+}
+
 }  // namespace
+
+SourceStance source_stance(const Skeleton& skeleton, const std::vector<double>& rest_dofs, const JointTracks& source,
+                           const JointMap& map) {
+  const std::vector<MappedJoint> joints = mapped_joints(skeleton, source, map);
+  const std::vector<Affine3d> rest = skeleton.pose(rest_dofs);
+  SourceStance stance;
+  if (is_pose_of_body(joints, rest, source.rest)) stance.rest = upward(joints, rest, source.rest);
+  for (const std::vector<Affine3d>& frame : source.frames)
+    stance.motion += upward(joints, rest, frame) / static_cast<double>(source.num_frames());
+  return stance;
+}
 
 RetargetResult retarget(const Skeleton& skeleton, const JointTracks& given, const JointMap& map,
                         const RetargetOptions& options) {
-  const JointTracks source = with_y_up(resample(given, options.frames_per_second), map.z_up);
+  JointTracks source = with_y_up(resample(given, options.frames_per_second), map);
   std::vector<double> rest =
       options.rest_dofs.empty() ? std::vector<double>(skeleton.dofs.size(), 0.0) : options.rest_dofs;
-  std::vector<Node> nodes = resolve(skeleton, source, map);
+  const std::vector<MappedJoint> mapped = mapped_joints(skeleton, source, map);
   const std::vector<Affine3d> rest_pose = skeleton.pose(rest);
   RetargetResult result;
+  RetargetOptions used = options;
+  if (!is_pose_of_body(mapped, rest_pose, source.rest)) {
+    source.rest = rest_from_motion(mapped, rest_pose, source);
+    result.rest_from_motion = true;
+    used.rotation_weight = std::min(used.rotation_weight, kFoundRotationWeight);
+  }
+  std::vector<Node> nodes;
+  for (const MappedJoint& joint : mapped) nodes.push_back({joint});
   const RestPoses rests(rest_pose, source.rest, nodes);
   result.scale = rests.scale(map);
   for (const Node& node : nodes)
@@ -289,7 +270,7 @@ RetargetResult retarget(const Skeleton& skeleton, const JointTracks& given, cons
   PoseSolver solver(skeleton, options.iterations);
   std::vector<double> dofs = rest;
   for (int f = 0; f < source.num_frames(); ++f) {
-    const auto goals = goals_of(nodes, source.frames[f], rests, result.scale, options);
+    const auto goals = goals_of(nodes, source.frames[f], rests, result.scale, used);
     double cost = HUGE_VAL;
     if (f > 0) cost = solver.solve(goals, dofs);
     // After a jump in the source the previous frame can be too far away to be a start.

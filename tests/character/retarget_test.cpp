@@ -214,7 +214,7 @@ TEST(JointMapReference, ReadsAndWrites) {
     EXPECT_NEAR(map.pairs[1].rest_rotation.z(), M_PI / 2, 1e-12);
     EXPECT_TRUE(map.scale == JointMap::Scale::number);
     EXPECT_EQ(map.factor, 1.25);
-    EXPECT_TRUE(map.z_up);
+    EXPECT_EQ(map.z_up, true);
   }
   EXPECT_TRUE(read_map("joints: {Root: Hips}\nscale: leg_length\n").scale == JointMap::Scale::leg_length);
 }
