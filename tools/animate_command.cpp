@@ -41,7 +41,7 @@ struct AnimateOptions {
   std::vector<std::string> formats{"npy"};
   std::string bone_rule = "exact";
   // Motion of another body.
-  std::string source_skeleton, map, animation, up;
+  std::string source_skeleton, map, animation, person, up;
   double unit = 0.0, source_fps = 0.0, fps = 0.0;
   // The camera.
   std::string camera = "orbit", calibration, capture, background, beside, light;
@@ -64,6 +64,7 @@ MotionFileOptions motion_options(const AnimateOptions& options, double fps) {
   result.map = options.map;
   result.source_skeleton = options.source_skeleton;
   result.source.animation = options.animation;
+  result.source.person = options.person;
   if (!options.up.empty()) result.source.up = options.up[0];
   if (options.unit > 0) result.source.metres_per_unit = options.unit;
   result.source.frames_per_second = options.source_fps;
@@ -106,6 +107,7 @@ MotionFromFile driven_motion(const AnimateOptions& options, const Character& cha
                              nlohmann::json& report) {
   MotionFromFile read = read_motion_file(options.motion, character, motion_options(options, fps));
   for (const std::string& note : read.notes) log::info("{}: {}", options.motion, note);
+  for (const std::string& warning : read.warnings) log::warn("{}: {}", options.motion, warning);
   if (read.guessed_map) write_guessed_map(options, *read.guessed_map);
   if (read.retargeting) {
     log_retargeting(*read.retargeting, read.motion.num_frames());
@@ -442,10 +444,14 @@ void add_motion_options(CLI::App& app, AnimateOptions& options) {
                  ".npz (AMASS, SMPL-X); .c3d, .trc (points in space)")
       ->required();
   app.add_option("--animation", options.animation, "Which animation of a .glb, .fbx, ... with several, by its name");
+  app.add_option("--person", options.person,
+                 "Which person of a .c3d or .trc with the points of several, by the name before that of the point");
   app.add_option("--source-skeleton", options.source_skeleton, "The .skeleton file of a .motion for another skeleton");
   app.add_option("--map", options.map, "Pairs of joints of the two bodies, YAML (default: guessed)");
-  app.add_option("--up", options.up,
-                 "Vertical axis of a file of another body (default: as the file shows; BVH: y, or as the map says)")
+  app.add_option(
+         "--up", options.up,
+         "Vertical axis of a file of another body (default: as the file or its format says; BVH: also as its rest "
+         "pose or the map says)")
       ->check(CLI::IsMember({"x", "y", "z"}));
   app.add_option("--unit", options.unit,
                  "Metres per unit of length of the file (default: as it says, or guessed by its size)")

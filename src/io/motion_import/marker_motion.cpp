@@ -6,12 +6,14 @@
 #include <cmath>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/detect/keypoints/read_space_points.h"
 #include "doppel/geometry/best_rotation.h"
 #include "doppel/geometry/up_axis.h"
 #include "doppel/io/motion_import/marker_names.h"
 #include "doppel/io/motion_import/rest_figure.h"
+#include "doppel/io/motion_import/vertical.h"
 
 namespace doppel {
 
@@ -24,8 +26,6 @@ using Track = std::vector<std::optional<Vector3d>>;  ///< [F] metres
 constexpr long kMaxMarkerFrames = 200'000;
 constexpr double kMaxFilledSeconds = 0.5;  ///< seconds
 constexpr std::size_t kMinJoints = 6;
-/// Cosine from which the way from the feet to the head counts as vertical.
-constexpr double kClearlyUp = 0.8;
 /// Metres per radian: the rotations of a figure of points follow from its points, and only settle the twist.
 constexpr double kRotationWeight = 0.01;
 constexpr double kNoBone = 1e-6;  ///< metres; a shorter bone has no direction
@@ -85,7 +85,7 @@ class PointFigure {
     if (frames > kMaxMarkerFrames)
       fail("the frames {} to {} are more than {}, which is the most that are read", points.frames.begin()->first,
            points.frames.rbegin()->first, kMaxMarkerFrames);
-    gather(points, as_size(frames));
+    gather(points, options, as_size(frames));
     turn_upright(points, options);
     fill();
     build_rest();
@@ -94,6 +94,7 @@ class PointFigure {
   SourceMotion motion() const {
     SourceMotion motion;
     motion.notes = notes_;
+    motion.warnings = warnings_;
     motion.rotation_weight = kRotationWeight;
     motion.tracks.seconds_per_frame = 1.0 / rate_;
     for (const PointJoint& joint : joints_) {
@@ -106,7 +107,8 @@ class PointFigure {
   }
 
  private:
-  void gather(const SpacePoints& points, std::size_t frames);
+  MatchedMarkers chosen_person(const SpacePoints& points, const std::string& wanted);
+  void gather(const SpacePoints& points, const MotionSourceOptions& options, std::size_t frames);
   void require_body(const SpacePoints& points) const;
   void turn_upright(const SpacePoints& points, const MotionSourceOptions& options);
   Vector3d mean_upward() const;
@@ -122,13 +124,32 @@ class PointFigure {
 
   double rate_;
   std::vector<PointJoint> joints_;  ///< parents first
-  std::vector<std::string> notes_;
+  std::vector<std::string> notes_, warnings_;
 };
 
+/// The points of the person that is wanted, else of the first who shows a body.
+MatchedMarkers PointFigure::chosen_person(const SpacePoints& points, const std::string& wanted) {
+  const std::vector<MarkerPerson> people = marker_people(points.names);
+  std::vector<std::string> names;
+  for (const MarkerPerson& person : people) names.push_back(person.name);
+  auto chosen = std::find_if(people.begin(), people.end(), [&](const MarkerPerson& person) {
+    return wanted.empty() ? person.markers.show_a_body() : person.name == wanted;
+  });
+  if (chosen == people.end() && !wanted.empty())
+    fail<UsageError>("--person {}: the file has no points of this person; it has those of {}{}", wanted,
+                     fmt::join(names, ", "), nearest_word_hint(wanted, names));
+  if (chosen == people.end()) chosen = people.begin();
+  if (wanted.empty() && people.size() > 1)
+    warnings_.push_back(
+        fmt::format("the file holds the points of {} people ({}); {} is taken, --person NAME takes another",
+                    people.size(), fmt::join(names, ", "), chosen->name));
+  return chosen->markers;
+}
+
 /// The means of the points that show each joint, where all of them are found.
-void PointFigure::gather(const SpacePoints& points, std::size_t frames) {
-  bool on_skin = false;
-  const auto matched = match_markers(points.names, on_skin);
+void PointFigure::gather(const SpacePoints& points, const MotionSourceOptions& options, std::size_t frames) {
+  const MatchedMarkers person = chosen_person(points, options.person);
+  const auto& matched = person.points;
   std::array<int, kMarkerJoints.size()> joint_of{};
   joint_of.fill(-1);
   for (std::size_t j = 0; j < kMarkerJoints.size(); ++j) {
@@ -152,7 +173,7 @@ void PointFigure::gather(const SpacePoints& points, std::size_t frames) {
     joints_.push_back(std::move(joint));
   }
   require_body(points);
-  if (on_skin)
+  if (person.on_skin)
     notes_.push_back(
         "knees, ankles, shoulders or elbows are markers on the skin, not centres of joints: the directions of the "
         "limbs "
@@ -173,30 +194,43 @@ void PointFigure::require_body(const SpacePoints& points) const {
                 " "));
 }
 
-/// The mean way from the lowest joints of the legs to the highest of the trunk, where both are found.
+/// The mean of the directions, of length 1, from the joints of the legs to those of the trunk, where both are found.
 Vector3d PointFigure::mean_upward() const {
   Vector3d sum = Vector3d::Zero();
+  int count = 0;
   for (const char* top : {"neck", "head", "pelvis"})
     for (const char* foot : {"left_ankle", "right_ankle", "left_knee", "right_knee"}) {
       const PointJoint *high = find(top), *low = find(foot);
       for (std::size_t f = 0; high && low && f < high->track.size(); ++f)
-        if (high->track[f] && low->track[f]) sum += *high->track[f] - *low->track[f];
+        if (high->track[f] && low->track[f]) {
+          sum += (*high->track[f] - *low->track[f]).normalized();
+          ++count;
+        }
     }
-  return sum;
+  return count > 0 ? Vector3d(sum / count) : sum;
 }
 
+/// What states the vertical, the file or its format, is right for people who lie or stand on their hands. The body is
+/// asked where nothing does.
 void PointFigure::turn_upright(const SpacePoints& points, const MotionSourceOptions& options) {
-  const NearestAxis body = nearest_axis(mean_upward());
-  Vector3d up = body.axis;
-  if (options.up)
+  const Vector3d upward = mean_upward();
+  Vector3d up = nearest_axis(upward).axis;
+  if (options.up) {
     up = Vector3d::Unit(*options.up - 'x');
-  else if (body.cosine < kClearlyUp && points.up)
-    up = *points.up;
-  if (!options.up && points.up && up != *points.up)
-    notes_.push_back(fmt::format("the body stands along {}, which is taken as the vertical; the file says {}",
-                                 axis_name(up), axis_name(*points.up)));
-  else if (!options.up)
-    notes_.push_back(fmt::format("{} is taken as the vertical", axis_name(up)));
+  } else {
+    std::string reason;
+    if (points.up) {
+      up = *points.up;
+      reason = "as the file says (POINT:Y_SCREEN)";
+    } else if (points.format == "trc") {
+      up = Vector3d::UnitY();
+      reason = "as usual in TRC files";
+    } else {
+      reason = "as the body stands";
+    }
+    notes_.push_back(fmt::format("{} is taken as the vertical, {}", axis_name(up), reason));
+    if (const auto lying = not_upright(upward, up, reason)) warnings_.push_back(*lying);
+  }
   const Matrix3d turn = y_up_from_axis(up);
   for (PointJoint& joint : joints_)
     for (auto& point : joint.track)
@@ -304,6 +338,8 @@ SourceMotion read_marker_motion(const std::filesystem::path& path, const MotionS
     return motion_of_points(points, options);
   } catch (const FileError&) {
     throw;
+  } catch (const UsageError& error) {
+    fail<UsageError>("{}: {}", path.string(), error.what());
   } catch (const Error& error) {
     fail_at({path.string()}, "{}", error.what());
   }

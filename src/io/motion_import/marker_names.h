@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,11 +31,28 @@ inline constexpr std::array<MarkerJoint, 17> kMarkerJoints{{{"pelvis", -1},
                                                             {"right_wrist", 14}}};
 
 /// The points whose mean is each joint: [17] indices into the names, empty where nothing shows the joint. Names are
-/// compared by their landmark_key, without what stands before a colon (`Subject:LASI`). Known are the names of
-/// detectors
-/// (`LKnee`, `left_knee`), of joint centres (`LKJC`) and of the markers of Plug-in Gait (`LKNE`), in this order.
-/// @param on_skin set when a joint of the legs or arms is taken from markers on the skin, which lie some centimetres
-///   beside it
-std::array<std::vector<int>, kMarkerJoints.size()> match_markers(const std::vector<std::string>& names, bool& on_skin);
+/// compared by their landmark_key. Known are the names of detectors (`LKnee`, `left_knee`), of joint centres (`LKJC`)
+/// and of the markers of Plug-in Gait (`LKNE`), in this order.
+struct MatchedMarkers {
+  std::array<std::vector<int>, kMarkerJoints.size()> points;
+  /// Whether a joint of the legs or arms is taken from markers on the skin, which lie some centimetres beside it.
+  bool on_skin = false;
+
+  /// Whether these joints are enough of a body: pelvis or both hips, a knee and four more joints.
+  bool show_a_body() const;
+};
+
+/// One person among the points of a file.
+struct MarkerPerson {
+  std::string name;  ///< kUnnamedPerson for points without a name before them
+  MatchedMarkers markers;
+};
+inline constexpr const char* kUnnamedPerson = "unnamed";
+
+/// The people whose points a file holds, in the order of its points. The name of a person stands before that of the
+/// point, divided by a colon (`Anna:LKnee`), or by a blank, `_`, `.`, `-`, `/` or `|` where the rest is a known name
+/// (`Anna_left_knee`). Points without a person belong to the only person there is. Whoever shows less than three joints
+/// is a tool or a label, and is no person; where nobody shows more, all points are one person without a name.
+std::vector<MarkerPerson> marker_people(const std::vector<std::string>& names);
 
 }  // namespace doppel

@@ -8,6 +8,7 @@
 #include "doppel/io/motion_import/landmark_map.h"
 #include "doppel/io/motion_import/marker_motion.h"
 #include "doppel/io/motion_import/smpl_motion.h"
+#include "doppel/io/motion_import/vertical.h"
 #include "doppel/io/rig_import/motions_json.h"
 #include "doppel/io/rig_import/rig_tracks.h"
 #include "doppel/io/scene/read_scene.h"
@@ -50,7 +51,7 @@ SourceMotion read_rig_motion(const fs::path& path, const MotionFileOptions& opti
   const Scene scene = read_scene(path, limits);
   try {
     RigTracks read = rig_tracks(scene, rig);
-    return {std::move(read.tracks), 0.1, std::move(read.warnings)};
+    return {std::move(read.tracks), 0.1, std::move(read.warnings), {}};
   } catch (const UsageError& error) {
     fail<UsageError>("{}: {}", path.string(), error.what());
   }
@@ -89,6 +90,26 @@ JointMap map_of_names_of(const Skeleton& skeleton, const JointTracks& source) {
   return guess_joint_map(joints, source.names);
 }
 
+/// Settles the vertical of a skeleton's motion: y and z by the map, which retargeting applies; others are turned here.
+void settle_vertical(SourceMotion& source, JointMap& map, const Character& character, std::optional<char> given) {
+  if (!given && map.z_up) return;
+  Eigen::Vector3d up = Eigen::Vector3d::UnitY();
+  if (given) {
+    up = Eigen::Vector3d::Unit(*given - 'x');
+  } else {
+    FoundVertical found = vertical_of(source_stance(character.skeleton, character.rest_dofs, source.tracks, map));
+    up = found.axis;
+    if (found.note) source.notes.push_back(std::move(*found.note));
+    if (found.warning) source.warnings.push_back(std::move(*found.warning));
+  }
+  const bool z = up == Eigen::Vector3d::UnitZ();
+  map.z_up.reset();  // a map cannot state another axis than y or z, which is found again
+  if (z || up == Eigen::Vector3d::UnitY())
+    map.z_up = z;
+  else
+    turn_to_y_up(source.tracks, up);
+}
+
 }  // namespace
 
 bool is_foreign_motion(const fs::path& path) { return format_of(path) != MotionFormat::skeletool; }
@@ -104,20 +125,22 @@ MotionFromFile read_motion_file(const fs::path& path, const Character& character
     if (!(result.frames_per_second > 0)) result.frames_per_second = imported_rate(path).value_or(kUsualRate);
     return result;
   }
+  if (!options.source.person.empty() && format != MotionFormat::markers)
+    fail<UsageError>("--person chooses among the people of a C3D or TRC file; {} holds one", path.string());
   SourceMotion source = read_source(path, options, format);
   const bool by_names = format == MotionFormat::bvh || format == MotionFormat::skeletool;
   JointMap map;
   if (!options.map.empty())
     map = read_joint_map(options.map);
   else
-    result.guessed_map = map = by_names ? map_of_names_of(character.skeleton, source.tracks)
-                                        : landmark_joint_map(character.skeleton, character.rest_dofs, source.tracks);
-  if (by_names && options.source.up) {
-    if (*options.source.up == 'x') fail<UsageError>("{}: of this format, y or z is the vertical, not x", path.string());
-    map.z_up = *options.source.up == 'z';
-  } else if (map.z_up && !by_names)
+    map = by_names ? map_of_names_of(character.skeleton, source.tracks)
+                   : landmark_joint_map(character.skeleton, character.rest_dofs, source.tracks);
+  if (by_names)
+    settle_vertical(source, map, character, options.source.up);
+  else if (map.z_up.value_or(false))
     fail<UsageError>("{}: `up: z` is for BVH files; {} is brought to y up already, with --up if need be",
                      options.map.string(), path.string());
+  if (options.map.empty()) result.guessed_map = map;
   RetargetOptions retargeting;
   retargeting.frames_per_second =
       options.frames_per_second > 0 ? options.frames_per_second : 1.0 / source.tracks.seconds_per_frame;
@@ -126,7 +149,13 @@ MotionFromFile read_motion_file(const fs::path& path, const Character& character
   result.retargeting = retarget(character.skeleton, source.tracks, map, retargeting);
   result.motion = std::move(result.retargeting->motion);
   result.frames_per_second = retargeting.frames_per_second;
+  if (result.retargeting->rest_from_motion)
+    source.notes.emplace_back(
+        "the rest pose of the skeleton is no pose of a body (its limbs point elsewhere than those of the character), "
+        "so "
+        "one is found from the motion; the twist of limbs, head and hands is that of the motion up to a constant");
   result.notes = std::move(source.notes);
+  result.warnings = std::move(source.warnings);
   return result;
 }
 

@@ -25,6 +25,7 @@ struct MotionFromFile {
   std::optional<JointMap> guessed_map;        ///< where the motion is another body's and no map was given
   std::optional<RetargetResult> retargeting;  ///< where the motion is another body's; its motion is moved to `motion`
   std::vector<std::string> notes;             ///< what was chosen or filled in, one sentence each
+  std::vector<std::string> warnings;          ///< what may be wrong, one sentence each
 };
 
 /// Whether a file with this extension is the motion of another body. `.motion` is not.
@@ -41,9 +42,11 @@ bool is_foreign_motion(const std::filesystem::path& path);
 /// | `.c3d`, `.trc` | read_marker_motion | landmark_joint_map |
 ///
 /// All but a `.motion` of the character itself are retargeted. Without `frames_per_second`, the result has the rate of
-/// the file; a `.motion` states none unless it was imported (imported_rate), and counts as 25.
+/// the file; a `.motion` states none unless it was imported (imported_rate), and counts as 25. The vertical of `.bvh`
+/// and
+/// `.motion` is that of the options, else of the map, else vertical_of.
 /// @throws UsageError for another extension, a map of a motion that needs none, `up: z` in the map of a format whose
-///   reader finds the vertical; Error as the readers and retarget
+///   reader finds the vertical, a person of a format without people; Error as the readers and retarget
 MotionFromFile read_motion_file(const std::filesystem::path& path, const Character& character,
                                 const MotionFileOptions& options = {});
 

@@ -3,14 +3,17 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "doppel/core/angles.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/excerpt.h"
 #include "doppel/geometry/up_axis.h"
 #include "doppel/io/motion_import/npz_file.h"
 #include "doppel/io/motion_import/rest_figure.h"
+#include "doppel/io/motion_import/vertical.h"
 
 namespace doppel {
 
@@ -35,7 +38,8 @@ struct Rows {
 Rows read_rows(const NpzFile& file, const std::string& name) {
   const NpyArray array = file.read(name);
   if (array.shape.size() < 2 || array.shape.size() > 3 || (array.shape.size() == 3 && array.shape[2] != 3))
-    fail_at(file.where(), "'{}' has the shape ({}); expected are frames and numbers, or frames, joints and 3", name,
+    fail_at(file.where(),
+            "'{}' has the shape ({}); expected are frames and numbers, or frames, joints and 3 (axis-angles)", name,
             fmt::join(array.shape, ", "));
   Rows rows;
   rows.frames = as_size(array.shape[0]);
@@ -67,6 +71,46 @@ Rows joined(const Rows& left, const Rows& right, const NpzFile& file) {
   return rows;
 }
 
+/// Joints of the models: the body alone, SMPL, SMPL-H and SMPL-X.
+constexpr std::array<std::size_t, 4> kModelJoints{22, 24, 52, 55};
+
+/// Rows of 6 numbers, quaternions or matrices in a row are as long as those of no model, so the length tells them
+/// apart.
+void require_smpl_width(const NpzFile& file, std::size_t width) {
+  std::string guess;
+  for (const std::size_t joints : kModelJoints) {
+    if (width == 3 * joints) return;
+    for (const auto& [numbers, form] :
+         {std::pair<std::size_t, const char*>{6, "the 6 numbers of two columns"}, {4, "quaternions"}, {9, "matrices"}})
+      if (width == numbers * joints) guess = fmt::format(" They seem to be {} of {} joints.", form, joints);
+  }
+  fail_at(file.where(),
+          "has {} numbers of pose in a frame, which is no body of SMPL; those have 66 (the body), 72 (SMPL), 156 "
+          "(SMPL-H) or 165 (SMPL-X): axis and angle of each joint, radians.{} Convert them to axis-angles (scipy: "
+          "Rotation.as_rotvec)",
+          width, guess);
+}
+
+/// A joint of a body turns by less than a whole turn relative to the joint above. Only the root may turn further.
+void require_radians(const NpzFile& file, const Rows& poses) {
+  constexpr std::size_t kFewJoints = 3;
+  std::size_t beyond = 0;
+  double largest = 0.0;
+  for (std::size_t j = 1; j < rest_figure().size(); ++j) {
+    double sum = 0.0;
+    for (std::size_t f = 0; f < poses.frames; ++f) {
+      sum += poses.vector(f, j).norm() / static_cast<double>(poses.frames);
+      largest = std::max(largest, poses.vector(f, j).norm());
+    }
+    if (sum > 2 * kPi) ++beyond;
+  }
+  if (beyond >= kFewJoints)
+    fail_at(file.where(),
+            "has angles up to {:.4g}, and {} of {} joints of the body turn by more than a whole turn (6.28 radians) on "
+            "average: these are no radians, perhaps degrees. Multiply the poses by pi / 180",
+            largest, beyond, rest_figure().size() - 1);
+}
+
 Rows read_poses(const NpzFile& file) {
   Rows poses;
   if (file.has("poses"))
@@ -78,12 +122,8 @@ Rows read_poses(const NpzFile& file) {
   else
     fail_at(file.where(), "holds no motion of a body: neither 'poses' nor 'root_orient' and 'pose_body'. It has: {}",
             excerpt(fmt::format("{}", fmt::join(file.names(), ", ")), 500));
-  if (poses.width < 3 * rest_figure().size() || poses.width % 3 != 0)
-    fail_at(
-        file.where(),
-        "has {} numbers of pose in a frame, which is no body of SMPL; those have 66, 72 (SMPL), 156 (SMPL-H) or 165 "
-        "(SMPL-X)",
-        poses.width);
+  require_smpl_width(file, poses.width);
+  require_radians(file, poses);
   return poses;
 }
 
@@ -134,27 +174,34 @@ std::vector<Eigen::Affine3d> posed_figure(const Rows& poses, std::size_t frame, 
   return world;
 }
 
-/// Where the trunk points on average.
+/// Where the trunk points on average: the mean of directions of length 1.
 Vector3d mean_trunk(const JointTracks& tracks) {
   constexpr std::size_t kNeck = 12;
   Vector3d sum = Vector3d::Zero();
-  for (const auto& frame : tracks.frames) sum += frame[kNeck].translation() - frame[0].translation();
+  for (const auto& frame : tracks.frames) sum += (frame[kNeck].translation() - frame[0].translation()).normalized();
   return sum / static_cast<double>(tracks.num_frames());
 }
 
-void turn_upright(JointTracks& tracks, std::optional<char> up, std::vector<std::string>& notes) {
+/// Whether the arrays are named as in AMASS, whose rule is z up. Other programs write the same rotations in the axes of
+/// their cameras, under other names.
+bool is_amass(const NpzFile& file) {
+  return file.has("trans") || file.has("mocap_framerate") || file.has("mocap_frame_rate");
+}
+
+void turn_upright(SourceMotion& motion, std::optional<char> up, bool amass) {
+  const Vector3d trunk = mean_trunk(motion.tracks);
   Vector3d axis = Vector3d::UnitZ();
   if (up) {
     axis = Vector3d::Unit(*up - 'x');
-  } else if (const NearestAxis trunk = nearest_axis(mean_trunk(tracks)); trunk.cosine > kUpright) {
-    axis = trunk.axis;
-    notes.push_back(fmt::format("the trunk stands along {}, which is taken as the vertical", axis_name(axis)));
+  } else if (amass) {
+    if (const auto lying = not_upright(trunk, axis, "as in AMASS")) motion.warnings.push_back(*lying);
+  } else if (const NearestAxis nearest = nearest_axis(trunk); nearest.cosine > kUpright) {
+    axis = nearest.axis;
+    motion.notes.push_back(fmt::format("the trunk stands along {}, which is taken as the vertical", axis_name(axis)));
   } else {
-    notes.push_back("the trunk stands along no axis, so z is taken as the vertical, as in AMASS");
+    motion.notes.emplace_back("the trunk stands along no axis, so z is taken as the vertical, as in AMASS");
   }
-  const Eigen::Affine3d turn(y_up_from_axis(axis));
-  for (auto& frame : tracks.frames)
-    for (Eigen::Affine3d& joint : frame) joint = turn * joint;
+  turn_to_y_up(motion.tracks, axis);
 }
 
 /// Moves the body vertically until its lowest joint, but for the lowest fiftieth of the frames, is as high as the joint
@@ -193,7 +240,7 @@ SourceMotion read_smpl_motion(const std::filesystem::path& path, const MotionSou
   }
   for (std::size_t f = 0; f < poses.frames; ++f)
     tracks.frames.push_back(posed_figure(poses, f, translations.vector(f, 0)));
-  turn_upright(tracks, options.up, motion.notes);
+  turn_upright(motion, options.up, is_amass(file));
   stand_on_floor(tracks, motion.notes);
   return motion;
 }

@@ -78,7 +78,8 @@ class MotionOfAnotherBody : public ::testing::Test {
 const double kSmplLeg = 0.245 * 1.70 + 0.246 * 1.70 + std::hypot(0.0663 - 0.020, 0.130);
 
 /// @param up of the file's world; AMASS has z @param width numbers of a pose
-std::string smpl_file(char up, int width, bool deflated = false, const std::string& poses_name = "poses") {
+/// @param amass the names of the arrays are those of AMASS @param factor of the angles
+std::string smpl_file(char up, int width, bool deflated = false, bool amass = true, double factor = 1.0) {
   std::vector<double> poses, positions;
   for (int f = 0; f < kFrames; ++f) {
     const double share = f / (kFrames - 1.0);
@@ -86,15 +87,16 @@ std::string smpl_file(char up, int width, bool deflated = false, const std::stri
     if (up == 'z') row[0] = M_PI / 2;     // y of the body to z of the world
     row[18 * 3 + 1] = -share * M_PI / 2;  // left elbow: from x towards z
     row[5 * 3] = share * kKnee;           // right knee: from -y towards -z
+    for (double& angle : row) angle *= factor;
     poses.insert(poses.end(), row.begin(), row.end());
     const double height = 0.9;
     const std::vector<double> position{share, up == 'z' ? 0.0 : height, up == 'z' ? height : 0.0};
     positions.insert(positions.end(), position.begin(), position.end());
   }
   support::NpzWriter file(deflated);
-  file.add(poses_name, poses, {kFrames, width});
-  file.add("trans", positions, {kFrames, 3});
-  file.add("mocap_framerate", {kRate}, {});
+  file.add("poses", poses, {kFrames, width});
+  file.add(amass ? "trans" : "transl", positions, {kFrames, 3});
+  file.add(amass ? "mocap_framerate" : "fps", {kRate}, {});
   file.add("betas", std::vector<double>(16, 0.0), {16});
   file.add_bytes("gender.npy", "not read");
   return file.bytes();
@@ -110,10 +112,75 @@ TEST_F(SmplMotion, OfAmassMovesTheCharacter) {
     }
 }
 
-TEST_F(SmplMotion, WithYUpIsFoundByTheTrunk) {
-  const MotionFromFile motion = read("walk.npz", smpl_file('y', 165));
-  expect_the_motion(motion, kSmplLeg);
-  EXPECT_THAT(motion.notes, ::testing::Contains(::testing::HasSubstr("the trunk stands along y")));
+TEST_F(SmplMotion, OfAnotherProgramHasTheVerticalOfTheTrunk) {
+  for (const char up : {'y', 'z'}) {
+    const MotionFromFile motion = read("walk.npz", smpl_file(up, 165, false, false));
+    expect_the_motion(motion, kSmplLeg);
+    EXPECT_THAT(motion.notes, ::testing::Contains(::testing::HasSubstr(std::string("the trunk stands along ") + up)));
+    EXPECT_THAT(motion.warnings, ::testing::IsEmpty());
+  }
+}
+
+TEST_F(SmplMotion, OfAmassThatLiesLiesAndIsNamed) {
+  // Upright along y is lying on the floor of AMASS, whose vertical is z.
+  const MotionFromFile motion = read("lying.npz", smpl_file('y', 165));
+  const std::vector<double>& first = motion.motion.frames.front();
+  EXPECT_LT(off_direction(character_, first, "Root", "Head", -Vector3d::UnitZ()), 10.0);
+  for (const char* bone : {"Root", "Head", "LeftFoot"})
+    EXPECT_NEAR(position_of(character_, first, bone).y(), 0.45, 0.1) << bone;  // its bent shank is below it later
+  EXPECT_THAT(motion.warnings, ::testing::ElementsAre(::testing::AllOf(::testing::HasSubstr("points along y"),
+                                                                       ::testing::HasSubstr("as in AMASS"),
+                                                                       ::testing::HasSubstr("--up y"))));
+  MotionFileOptions stated;
+  stated.source.up = 'y';
+  const MotionFromFile standing = read("walk.npz", smpl_file('y', 165), stated);
+  expect_the_motion(standing, kSmplLeg);
+  EXPECT_THAT(standing.warnings, ::testing::IsEmpty());
+}
+
+TEST_F(SmplMotion, ThatIsNoAxisAnglesIsRefused) {
+  for (const auto& [width, form] : std::vector<std::pair<int, std::string>>{{132, "the 6 numbers of two columns of 22"},
+                                                                            {144, "the 6 numbers of two columns of 24"},
+                                                                            {312, "the 6 numbers of two columns of 52"},
+                                                                            {88, "quaternions of 22 joints"},
+                                                                            {96, "quaternions of 24 joints"},
+                                                                            {198, "matrices of 22 joints"},
+                                                                            {216, "matrices of 24 joints"}})
+    EXPECT_THAT(refusal("x.npz", smpl_file('z', width)),
+                ::testing::AllOf(::testing::HasSubstr(std::to_string(width) + " numbers of pose"),
+                                 ::testing::HasSubstr("156 (SMPL-H)"), ::testing::HasSubstr(form)));
+  for (const int width : {69, 75, 90, 168})
+    EXPECT_THAT(refusal("x.npz", smpl_file('z', width)), ::testing::HasSubstr("no body of SMPL"));
+}
+
+TEST_F(SmplMotion, InDegreesIsRefused) {
+  // A person who stands with lowered arms: hips, knees, shoulders and elbows are bent by some degrees.
+  const auto standing = [](double unit) {
+    std::vector<double> row(66, 0.0);
+    row[0] = 90 * unit;
+    for (const auto& [joint, degrees] : std::vector<std::pair<int, double>>{
+             {1, 4}, {2, -5}, {4, 9}, {5, 11}, {16, -65}, {17, 68}, {18, -20}, {19, 15}})
+      row[3 * joint + 1] = degrees * unit;
+    support::NpzWriter file;
+    file.add("poses", row, {1, 66});
+    file.add("trans", {0, 0, 0.9}, {1, 3});
+    file.add("mocap_framerate", {30}, {});
+    return file.bytes();
+  };
+  EXPECT_THAT(refusal("x.npz", standing(1.0)),
+              ::testing::AllOf(::testing::HasSubstr("angles up to 68"), ::testing::HasSubstr("pi / 180")));
+  EXPECT_EQ(read("x.npz", standing(M_PI / 180)).motion.num_frames(), 1);
+}
+
+TEST_F(SmplMotion, MayWindTheRootAndAJointSeveralTimes) {
+  std::vector<double> row(66, 0.0);
+  row[0] = M_PI / 2 + 6 * M_PI;
+  row[3 * 20] = 2.5 * M_PI;
+  support::NpzWriter file;
+  file.add("poses", row, {1, 66});
+  file.add("fps", {30}, {});
+  const MotionFromFile motion = read("x.npz", file.bytes());
+  EXPECT_LT(off_direction(character_, motion.motion.frames[0], "Root", "Head", Vector3d::UnitY()), 10.0);
 }
 
 TEST_F(SmplMotion, InPartsIsTheSame) {
@@ -260,24 +327,151 @@ TEST_F(MarkerMotion, OfC3dWithMissingPointsIsFilledIn) {
   EXPECT_THAT(motion.notes, ::testing::Contains(::testing::HasSubstr("3 positions of joints were missing")));
 }
 
-TEST_F(MarkerMotion, OfTrcMovesTheCharacter) {
+/// A TRC file of the frames of a C3D file, in its axes.
+std::string trc_file(const support::C3dWriter& file) {
   std::string names = "Frame#\tTime", axes = "\t", rows;
-  int count = 0;
-  for (const auto& [name, at] : posed_points(0)) {
-    names += "\t" + name + "\t\t";
-    ++count;
-    axes += fmt::format("\tX{0}\tY{0}\tZ{0}", count);
+  for (std::size_t i = 0; i < file.labels.size(); ++i) {
+    names += "\t" + file.labels[i] + "\t\t";
+    axes += fmt::format("\tX{0}\tY{0}\tZ{0}", i + 1);
   }
-  for (int f = 0; f < kFrames; ++f) {
-    rows += fmt::format("{}\t{}", f + 1, f / kRate);
-    for (const auto& [name, at] : posed_points(f / (kFrames - 1.0)))
-      rows += fmt::format("\t{}\t{}\t{}", at.x(), at.y(), at.z());
+  for (std::size_t f = 0; f < file.frames.size(); ++f) {
+    rows += fmt::format("{}\t{}", f + 1, static_cast<double>(f) / kRate);
+    for (const Vector3d& at : file.frames[f]) rows += fmt::format("\t{}\t{}\t{}", at.x(), at.y(), at.z());
     rows += "\n";
   }
-  const std::string file =
-      "PathFileType\t4\t(X/Y/Z)\tx.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n10\t10\t11\t" +
-      std::to_string(count) + "\tm\n" + names + "\n" + axes + "\n" + rows;
-  expect_the_motion(read("take.trc", file), kPointLeg, 1.5);
+  return fmt::format(
+      "PathFileType\t4\t(X/Y/"
+      "Z)\tx.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n10\t10\t{}\t{}\tmm\n{}\n{}\n"
+      "{}",
+      file.frames.size(), file.labels.size(), names, axes, rows);
+}
+
+/// The file with all points rotated about the origin.
+support::C3dWriter turned(support::C3dWriter file, const Eigen::AngleAxisd& turn) {
+  for (auto& frame : file.frames)
+    for (Vector3d& point : frame) point = turn * point;
+  return file;
+}
+/// From z up to y up, lying in a file with z up.
+const Eigen::AngleAxisd kLaidDown(-M_PI / 2, Vector3d::UnitX());
+
+TEST_F(MarkerMotion, OfTrcMovesTheCharacter) {
+  const MotionFromFile motion = read("take.trc", trc_file(turned(c3d_file(), kLaidDown)));
+  expect_the_motion(motion, kPointLeg, 1.5);
+  EXPECT_THAT(motion.warnings, ::testing::IsEmpty());
+}
+
+TEST_F(MarkerMotion, ThatLiesByItsFileLiesAndIsNamed) {
+  const auto expect_lying = [&](const MotionFromFile& motion, const std::string& reason) {
+    const std::vector<double>& last = motion.motion.frames.back();
+    EXPECT_NEAR(off_direction(character_, last, "Root", "Head", Vector3d::UnitY()), 90.0, 10.0);
+    EXPECT_NEAR(off_direction(character_, last, "LeftUpLeg", "LeftFoot", Vector3d::UnitY()), 90.0, 10.0);
+    EXPECT_THAT(motion.warnings,
+                ::testing::ElementsAre(::testing::AllOf(::testing::HasSubstr(reason), ::testing::HasSubstr("--up"))));
+  };
+  expect_lying(read("take.c3d", turned(c3d_file(), kLaidDown).bytes()), "POINT:Y_SCREEN");
+  expect_lying(read("take.trc", trc_file(c3d_file())), "as usual in TRC files");
+  MotionFileOptions stated;
+  stated.source.up = 'z';
+  const MotionFromFile standing = read("take.trc", trc_file(c3d_file()), stated);
+  expect_the_motion(standing, kPointLeg, 1.5);
+  EXPECT_THAT(standing.warnings, ::testing::IsEmpty());
+}
+
+TEST_F(MarkerMotion, OnTheHandsIsUpsideDown) {
+  const Eigen::AngleAxisd over(M_PI, Vector3d::UnitX());
+  for (const MotionFromFile& motion : {read("take.c3d", turned(c3d_file(), over).bytes()),
+                                       read("take.trc", trc_file(turned(turned(c3d_file(), kLaidDown), over)))}) {
+    const std::vector<double>& first = motion.motion.frames.front();
+    EXPECT_LT(position_of(character_, first, "Head").y(), position_of(character_, first, "LeftFoot").y() - 1.0);
+    EXPECT_THAT(motion.warnings, ::testing::ElementsAre(::testing::HasSubstr("177 degrees")));
+  }
+}
+
+TEST_F(MarkerMotion, OfC3dThatStatesNoVerticalStands) {
+  support::C3dWriter file = turned(c3d_file(), kLaidDown);
+  file.up = "";
+  const MotionFromFile motion = read("take.c3d", file.bytes());
+  expect_the_motion(motion, kPointLeg, 1.5);
+  EXPECT_THAT(motion.notes,
+              ::testing::Contains(::testing::HasSubstr("y is taken as the vertical, as the body stands")));
+}
+
+/// Two people 3 m apart: the first lacks the right foot, the second stands in a T-pose.
+/// @param divider between the name of a person and that of a point
+support::C3dWriter two_people(const std::string& anna, const std::string& bert) {
+  const support::C3dWriter alone = c3d_file();
+  support::C3dWriter file = alone;
+  file.labels.clear();
+  for (auto& frame : file.frames) frame.clear();
+  for (const bool first : {true, false})
+    for (std::size_t i = 0; i < alone.labels.size(); ++i) {
+      const std::string& label = alone.labels[i];
+      if (first && (label == "RAnkle" || label == "RBigToe")) continue;
+      file.labels.push_back((first ? anna : bert) + label);
+      for (std::size_t f = 0; f < alone.frames.size(); ++f)
+        file.frames[f].push_back(first ? alone.frames[f][i] : Vector3d(alone.frames[0][i] + Vector3d(3000, 0, 0)));
+    }
+  return file;
+}
+
+TEST_F(MarkerMotion, OfTwoPeopleIsThatOfOne) {
+  support::C3dWriter alone = two_people("", "Bert:");
+  const std::size_t count = as_size(
+      std::find_if(alone.labels.begin(), alone.labels.end(), [](const std::string& name) { return name[0] == 'B'; }) -
+      alone.labels.begin());
+  alone.labels.resize(count);
+  for (auto& frame : alone.frames) frame.resize(count);
+  const MotionFromFile expected = read("alone.c3d", alone.bytes());
+  EXPECT_THAT(expected.warnings, ::testing::IsEmpty());
+  for (const std::string divider : {":", "_", ".", " ", "-", "/", "|"}) {
+    SCOPED_TRACE(divider);
+    const support::C3dWriter both = two_people("Anna" + divider, "Bert" + divider);
+    for (const bool trc : {false, true}) {
+      const std::string name = trc ? "both.trc" : "both.c3d";
+      const std::string content = trc ? trc_file(turned(both, kLaidDown)) : both.bytes();
+      const MotionFromFile found = read(name, content);
+      EXPECT_THAT(found.warnings,
+                  ::testing::ElementsAre(::testing::AllOf(::testing::HasSubstr("2 people (Anna, Bert); Anna is taken"),
+                                                          ::testing::HasSubstr("--person"))));
+      for (int f = 0; f < kFrames; ++f)
+        for (const char* bone : {"Root", "Head", "RightLeg", "RightFoot", "LeftFoot", "LeftHand"})
+          EXPECT_LT((position_of(character_, found.motion.frames[f], bone) -
+                     position_of(character_, expected.motion.frames[f], bone))
+                        .norm(),
+                    1e-3)
+              << bone;
+      MotionFileOptions options;
+      options.source.person = "Bert";
+      const MotionFromFile bert = read(name, content, options);
+      EXPECT_THAT(bert.warnings, ::testing::IsEmpty());
+      EXPECT_GT(position_of(character_, bert.motion.frames[0], "Root").x(), 2.5);
+      options.source.person = "Berta";
+      EXPECT_THAT(refusal(name, content, options),
+                  ::testing::AllOf(::testing::HasSubstr("--person Berta"), ::testing::HasSubstr("Anna, Bert"),
+                                   ::testing::HasSubstr("did you mean Bert")));
+    }
+  }
+}
+
+TEST_F(MarkerMotion, OfSomebodyBesideAPersonWithoutANameIsApart) {
+  const support::C3dWriter both = two_people("", "Bert:");
+  EXPECT_THAT(read("both.c3d", both.bytes()).warnings,
+              ::testing::ElementsAre(::testing::HasSubstr("2 people (unnamed, Bert); unnamed is taken")));
+  MotionFileOptions options;
+  options.source.person = "Bert";
+  EXPECT_GT(position_of(character_, read("both.c3d", both.bytes(), options).motion.frames[0], "Root").x(), 2.5);
+}
+
+TEST_F(MarkerMotion, OfOnePersonWithToolsNamesNobody) {
+  support::C3dWriter file = c3d_file();
+  for (std::string& label : file.labels)
+    if (label != "Neck") label = "Anna:" + label;
+  file.labels.insert(file.labels.begin(), {"Wand:Tip", "Wand:Neck"});
+  for (auto& frame : file.frames) frame.insert(frame.begin(), {{5000, 0, 0}, {5000, 0, 100}});
+  const MotionFromFile motion = read("take.c3d", file.bytes());
+  expect_the_motion(motion, kPointLeg, 1.5);
+  EXPECT_THAT(motion.warnings, ::testing::IsEmpty());
 }
 
 TEST_F(MarkerMotion, OfSkinMarkersSaysSo) {

@@ -121,15 +121,75 @@ TEST_P(RealMotions, OnAnotherBodyKeepTheDirectionsOfLimbs) {
 INSTANTIATE_TEST_SUITE_P(Real, RealMotions, support::rig_references(),
                          [](const auto& body) { return std::string(body.param); });
 
-class RealBvh : public support::SharedFolderTest {};
+class RealCases : public support::SharedFolderTest {
+ protected:
+  MotionFromFile read(const std::string& name) const { return read_motion_file(shared_ / "cases" / name, character_); }
+  /// The largest distance between joints of the character in two motions, metres.
+  double largest_distance(const Motion& a, const Motion& b) const {
+    double largest = a.num_frames() == b.num_frames() ? 0.0 : HUGE_VAL;
+    for (int f = 0; f < std::min(a.num_frames(), b.num_frames()); ++f) {
+      const auto here = character_.skeleton.pose(a.frames[f]), there = character_.skeleton.pose(b.frames[f]);
+      for (std::size_t j = 0; j < here.size(); ++j)
+        largest = std::max(largest, (here[j].translation() - there[j].translation()).norm());
+    }
+    return largest;
+  }
+  /// The angle between the trunk and the vertical, degrees.
+  double lean(const MotionFromFile& motion) const {
+    return support::off_direction(character_, motion.motion.frames[0], "Root", "Head", Vector3d::UnitY());
+  }
 
-TEST_F(RealBvh, SpellingsOfOtherProgramsHoldTheSameMotion) {
+  Character character_ = support::tall_character();
+};
+
+TEST_F(RealCases, SpellingsOfBvhHoldTheSameMotion) {
   const fs::path folder = shared_ / "cases" / "14-bvh-spellings";
   const BvhClip expected = read_bvh(folder / "reference.bvh");
   for (const char* name : {"capital_ZPosition.bvh", "end_site_lower.bvh"}) {
     SCOPED_TRACE(name);
     EXPECT_EQ(read_bvh(folder / name).frames, expected.frames);
   }
+}
+
+TEST_F(RealCases, BvhWithBonesAlongTheirAxesIsTheReference) {
+  const std::string folder = "04-bvh-bones-along-their-own-axes/";
+  const MotionFromFile found = read(folder + "bones_along_x.bvh"),
+                       expected = read(folder + "reference_standing_rest.bvh");
+  EXPECT_TRUE(found.retargeting->rest_from_motion);
+  EXPECT_FALSE(expected.retargeting->rest_from_motion);
+  EXPECT_LT(largest_distance(found.motion, expected.motion), 0.03);
+}
+
+TEST_F(RealCases, BvhWithZUpIsTheReference) {
+  const MotionFromFile found = read("06-bvh-z-up/z_up.bvh"), expected = read("06-bvh-z-up/reference_y_up.bvh");
+  EXPECT_LT(largest_distance(found.motion, expected.motion), 1e-3);
+  EXPECT_TRUE(found.warnings.empty());
+}
+
+TEST_F(RealCases, PeopleWhoLieOrStandOnTheirHandsDoSo) {
+  const std::string folder = "08-lying-and-upside-down/";
+  const MotionFromFile lying = read(folder + "lying_Y_SCREEN_is_Z.c3d");
+  EXPECT_NEAR(lean(lying), 90.0, 15.0);
+  EXPECT_EQ(lying.warnings.size(), 1U);
+  const MotionFromFile handstand = read(folder + "handstand_Y_SCREEN_is_Z.c3d");
+  EXPECT_NEAR(lean(handstand), 180.0, 15.0);
+  EXPECT_EQ(handstand.warnings.size(), 1U);
+}
+
+TEST_F(RealCases, TheFirstOfTwoPeopleIsAsAlone) {
+  const std::string folder = "09-c3d-two-people/";
+  const MotionFromFile found = read(folder + "anna_without_right_foot_and_bert.c3d"),
+                       expected = read(folder + "anna_without_right_foot.c3d");
+  EXPECT_LT(largest_distance(found.motion, expected.motion), 1e-3);
+  EXPECT_EQ(found.warnings.size(), 1U);
+  EXPECT_TRUE(expected.warnings.empty());
+}
+
+TEST_F(RealCases, PosesThatAreNoAxisAnglesAreRefused) {
+  const std::string folder = "10-smpl-poses-that-are-no-axis-angles/";
+  EXPECT_GT(read(folder + "axis_angle_control.npz").motion.num_frames(), 0);
+  EXPECT_THROW(read(folder + "rot6d_132.npz"), FileError);
+  EXPECT_THROW(read(folder + "rot6d_144.npz"), FileError);
 }
 
 class RealMarkers : public support::SharedFolderTest {};
