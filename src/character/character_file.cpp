@@ -3,6 +3,7 @@
 #include <set>
 
 #include "doppel/character/character.h"
+#include "doppel/character/character_folder.h"
 #include "doppel/character/file_text.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/log.h"
@@ -147,6 +148,16 @@ TriangleMesh graph_mesh(const Character& character) {
   return mesh;
 }
 
+/// The file itself, or the one in a folder.
+fs::path character_file_of(const fs::path& path) {
+  std::error_code none;
+  if (!fs::is_directory(path, none)) return path;
+  const fs::path file = character_of_folder(path);
+  if (file.empty())
+    fail<UsageError>("{} is a folder without a .character file; name a .character file or its folder", path.string());
+  return file;
+}
+
 void write_labels(const fs::path& path, const Character& character) {
   if (!character.labels.empty()) return write_segmentation(path, character.labels);
   if (fs::exists(path))
@@ -158,9 +169,12 @@ void write_labels(const fs::path& path, const Character& character) {
 
 }  // namespace
 
-Skeleton read_character_skeleton(const fs::path& path) { return read_skeleton(read_character_lines(path).skeleton); }
+Skeleton read_character_skeleton(const fs::path& path) {
+  return read_skeleton(read_character_lines(character_file_of(path)).skeleton);
+}
 
-Character load_character(const fs::path& path, const CharacterOptions& options) {
+Character load_character(const fs::path& given, const CharacterOptions& options) {
+  const fs::path path = character_file_of(given);
   const CharacterFiles files = read_character_lines(path);
   Character character;
   character.name = path.stem().string();

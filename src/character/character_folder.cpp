@@ -78,4 +78,15 @@ fs::path write_character_folder(const fs::path& folder, const std::string& name,
   return folder / (name + ".character");
 }
 
+fs::path character_of_folder(const fs::path& folder) {
+  std::vector<fs::path> characters;
+  for (const auto& entry : fs::directory_iterator(folder))
+    if (entry.path().extension() == ".character") characters.push_back(entry.path());
+  std::sort(characters.begin(), characters.end());
+  if (characters.size() > 1)
+    fail<UsageError>("{} is a folder with {} .character files; name one of them, for example {}", folder.string(),
+                     characters.size(), characters[0].filename().string());
+  return characters.empty() ? fs::path() : characters[0];
+}
+
 }  // namespace doppel

@@ -15,4 +15,8 @@ namespace doppel {
 std::filesystem::path write_character_folder(const std::filesystem::path& folder, const std::string& name,
                                              const std::function<void(const std::filesystem::path&)>& write);
 
+/// The one `.character` file in a folder; empty when there is none.
+/// @throws UsageError when there are several, with their names
+std::filesystem::path character_of_folder(const std::filesystem::path& folder);
+
 }  // namespace doppel

@@ -7,6 +7,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "support/hostile_files.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
@@ -61,6 +62,17 @@ TEST_F(CharacterReads, WhatWasWrittenIsTheSameCharacter) {
   EXPECT_EQ(c.graph_source.filename(), "tube_graph.obj");
   EXPECT_EQ(c.fingerprint(), character_.fingerprint());
   EXPECT_EQ(c.skeleton.marker_reading, MarkerReading::joint_relative);
+}
+
+TEST_F(CharacterReads, AFolderWithOneCharacterStandsForIt) {
+  EXPECT_EQ(load_character(folder_.path()).fingerprint(), character_.fingerprint());
+  EXPECT_EQ(read_character_skeleton(folder_.path()).num_dofs(), character_.num_dofs());
+  fs::copy(path_, file("other.character"));
+  EXPECT_THAT(support::message_of<UsageError>([&] { load_character(folder_.path()); }),
+              HasSubstr("2 .character files; name one of them, for example other.character"));
+  const support::TemporaryFolder empty;
+  EXPECT_THAT(support::message_of<UsageError>([&] { load_character(empty.path()); }),
+              HasSubstr("a folder without a .character file"));
 }
 
 TEST_F(CharacterReads, FilesAreTheSameWhenWrittenAgain) {
