@@ -142,6 +142,12 @@ PersonChoiceOptions read_person(const ConfigReader& reader) {
   return person;
 }
 
+void read_keypoint_offset(const ConfigReader& reader, SequenceEntry& sequence) {
+  const ConfigReader offsets = reader.section("keypoint_offset");
+  for (const std::string& camera : offsets.keys())
+    sequence.keypoint_offset[camera] = offsets.get<long>(camera, between(-kMaxFrame, kMaxFrame));
+}
+
 SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
   SequenceEntry sequence;
   sequence.name = reader.get<std::string>("name");
@@ -150,6 +156,7 @@ SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
   sequence.videos = read_paths(reader, "videos");
   read_masks(reader, has_background, sequence);
   if (reader.has("keypoints")) sequence.keypoints = read_paths(reader, "keypoints");
+  read_keypoint_offset(reader, sequence);
   if (reader.has("person")) sequence.person = read_person(reader);
   if (reader.has("joints3d")) sequence.joints3d = read_pattern(reader, "joints3d");
   sequence.motion = reader.get("motion", "");
@@ -259,6 +266,7 @@ YAML::Node sequence_node(const SequenceEntry& sequence) {
   if (sequence.has_masks() || sequence.largest_component != usual.largest_component)
     node["largest_component"] = sequence.largest_component;
   if (!sequence.keypoints.empty()) node["keypoints"] = paths_node(sequence.keypoints);
+  for (const auto& [camera, offset] : sequence.keypoint_offset) node["keypoint_offset"][camera] = offset;
   if (sequence.person && sequence.person->names_person()) node["person"] = person_node(*sequence.person);
   if (!sequence.joints3d.empty()) node["joints3d"] = sequence.joints3d;
   if (!sequence.motion.empty()) node["motion"] = sequence.motion;
@@ -294,6 +302,11 @@ Split parse_split(const std::string& word) {
 }
 
 std::string to_string(Split split) { return split_words()[static_cast<int>(split)]; }
+
+long SequenceEntry::keypoint_offset_of(const std::string& camera) const {
+  const auto found = keypoint_offset.find(camera);
+  return found == keypoint_offset.end() ? 0 : found->second;
+}
 
 void SequenceEntry::require_masks(const std::string& command) const {
   if (has_masks()) return;
@@ -354,6 +367,7 @@ Capture read_capture(const fs::path& file_or_folder) {
   if (reader.has("unit")) capture.calibration_options.unit = reader.choice("unit", {"m", "cm", "mm"}, "m");
   if (reader.has("up"))
     capture.calibration_options.up = reader.choice("up", {"+x", "-x", "+y", "-y", "+z", "-z"}, "+y");
+  capture.calibration_options.subject = reader.get("subject", "");
   read_rates(reader, capture);
   capture.cameras = reader.list<std::string>("cameras");
   for (const std::string& camera : capture.cameras) check_name(reader, "cameras", camera);
@@ -375,6 +389,7 @@ void write_capture(const fs::path& path, const Capture& capture, const std::vect
   node["calibration"] = capture.calibration;
   if (!capture.calibration_options.unit.empty()) node["unit"] = capture.calibration_options.unit;
   if (!capture.calibration_options.up.empty()) node["up"] = capture.calibration_options.up;
+  if (!capture.calibration_options.subject.empty()) node["subject"] = capture.calibration_options.subject;
   node["fps"] = capture.fps;
   for (const auto& [camera, fps] : capture.camera_fps) node["camera_fps"][camera] = fps;
   if (!capture.cameras.empty()) {

@@ -44,20 +44,23 @@ struct SequenceEntry {
   CameraPaths masks;   ///< the same; empty when one of the next two is set, or when there are no masks
   std::optional<ChromaKey> chroma_key;
   std::optional<BackgroundSubtraction> subtraction;
-  int mask_threshold = 128;                    ///< pixels >= this value are the person
-  bool largest_component = false;              ///< keep only the largest connected part of a mask
-  CameraPaths keypoints;                       ///< keypoint files (JSON or a table), or empty
-  std::optional<PersonChoiceOptions> person;   ///< of several people, the one to follow; nothing: as the capture says
-  std::string joints3d;                        ///< table of 3D joints (joint_detections.h), or empty
-  std::string motion;                          ///< Skeletool motion file, row f is the pose of frame f; or empty
-  std::map<std::string, double> frame_offset;  ///< camera name -> time of motion row 0, in frames of its video
-  long first_frame = 0;                        ///< first motion row to use
-  std::optional<long> last_frame;              ///< last motion row to use; the last of the motion if not given
-  std::vector<long> cuts;                      ///< motion rows that begin a new segment, ascending
+  int mask_threshold = 128;                     ///< pixels >= this value are the person
+  bool largest_component = false;               ///< keep only the largest connected part of a mask
+  CameraPaths keypoints;                        ///< keypoint files (JSON or a table), or empty
+  std::map<std::string, long> keypoint_offset;  ///< camera name -> number of video frame 0 in its keypoint files
+  std::optional<PersonChoiceOptions> person;    ///< of several people, the one to follow; nothing: as the capture says
+  std::string joints3d;                         ///< table of 3D joints (joint_detections.h), or empty
+  std::string motion;                           ///< Skeletool motion file, row f is the pose of frame f; or empty
+  std::map<std::string, double> frame_offset;   ///< camera name -> time of motion row 0, in frames of its video
+  long first_frame = 0;                         ///< first motion row to use
+  std::optional<long> last_frame;               ///< last motion row to use; the last of the motion if not given
+  std::vector<long> cuts;                       ///< motion rows that begin a new segment, ascending
 
   /// Whether masks are computed from the images instead of read from files.
   bool masks_from_images() const { return chroma_key || subtraction; }
   bool has_masks() const { return masks_from_images() || !masks.empty(); }
+  /// The number of video frame 0 in the keypoint files of a camera.
+  long keypoint_offset_of(const std::string& camera) const;
   /// @param command that needs the masks, for the message @throws Error without masks; says how to get them
   void require_masks(const std::string& command) const;
 };

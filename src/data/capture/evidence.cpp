@@ -41,8 +41,9 @@ std::optional<std::string> detected_layout(const Capture& capture) {
       if (sequence.keypoints.empty()) continue;
       const std::string source = capture.source(sequence.keypoints, filmed.file_index[0], camera.name);
       const KeypointCamera seen = keypoint_camera(camera, filmed.file_index[0]);
-      const auto found = is_keypoint_table(source) ? layout_with_points(read_detections(source, seen).points)
-                                                   : guess_layout(source, seen);
+      const std::vector<std::string> names =
+          is_keypoint_table(source) ? read_detections(source, seen).points : std::vector<std::string>();
+      const auto found = names.empty() ? guess_layout(source, seen) : layout_with_points(names);
       if (found) return found;
     }
   } catch (const Error& e) {
@@ -56,7 +57,8 @@ std::string chosen_map(const Capture& capture) {
   if (capture.detector) return kDefaultMap;
   const bool tables =
       std::all_of(capture.sequences.begin(), capture.sequences.end(), [](const SequenceEntry& sequence) {
-        return sequence.keypoints.empty() || std::filesystem::path(sequence.keypoints.sample()).extension() == ".csv";
+        const std::string extension = std::filesystem::path(sequence.keypoints.sample()).extension().string();
+        return sequence.keypoints.empty() || extension == ".csv" || extension == ".tsv";
       });
   return detected_layout(capture).value_or(tables ? kNamesMap : kDefaultMap);
 }

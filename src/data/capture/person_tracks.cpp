@@ -22,7 +22,8 @@ PeopleInCameras open_people(const Capture& capture, const SequenceEntry& sequenc
     const Camera& camera = filmed.cameras[c];
     const int index = filmed.file_index[c];
     const auto source = std::make_shared<const KeypointSource>(capture.source(sequence.keypoints, index, camera.name),
-                                                               layout, keypoint_camera(camera, index));
+                                                               layout, keypoint_camera(camera, index),
+                                                               sequence.keypoint_offset_of(camera.name));
     seen.clocks.push_back(capture.clock(sequence, camera.name));
     seen.people.emplace_back([source](long frame) { return source->people(frame); });
   }

@@ -9,7 +9,9 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/path_pattern.h"
+#include "doppel/data/capture/layouts/file_streams.h"
 #include "doppel/data/capture/video_decoder.h"
+#include "doppel/detect/keypoints/frame_names.h"
 #include "doppel/geometry/image_file.h"
 
 namespace doppel {
@@ -67,6 +69,9 @@ std::vector<long> evenly_chosen(const std::vector<long>& all, int most) {
   for (std::size_t i = 0; i < as_size(most); ++i) chosen.push_back(all[(2 * i + 1) * all.size() / (2 * as_size(most))]);
   return chosen;
 }
+
+/// By the extension, as the files of a capture are sorted.
+bool is_image_name(const fs::path& path) { return kind_of_file(path.string()) == FileKind::image; }
 
 class VideoReader : public FrameReader {
  public:
@@ -129,13 +134,17 @@ class VideoReader : public FrameReader {
 
 class ImageReader : public FrameReader {
  public:
+  /// @param pattern with `{frame}`, or a folder: then the frames are the positions of its images in natural order
   ImageReader(std::string pattern, PixelFormat format) : pattern_(std::move(pattern)), format_(format) {
-    list_frames();
-    if (frames_.empty()) fail_at({pattern_, 0}, "no image matches this pattern");
+    if (fs::is_directory(pattern_))
+      list_folder();
+    else
+      list_frames();
+    if (frames_.empty()) fail_at({pattern_, 0}, "no image matches this pattern, or lies in this folder");
   }
 
   cv::Mat read(long frame) override {
-    const std::string path = expand_pattern(pattern_, 0, "", frame);
+    const std::string path = path_of(frame);
     if (!fs::is_regular_file(path)) fail_at({path, 0}, "the image of frame {} does not exist", frame);
     const cv::Mat image = read_image(path);
     return convert(is_mask_in_alpha(image) ? alpha_of(image) : image, format_, path, frame);
@@ -152,6 +161,23 @@ class ImageReader : public FrameReader {
   }
 
  private:
+  std::string path_of(long frame) const {
+    if (paths_.empty()) return expand_pattern(pattern_, 0, "", frame);
+    if (frame < 0 || as_size(frame) >= paths_.size())
+      fail_at({pattern_, 0}, "the image of frame {} does not exist; the folder has {} images", frame, paths_.size());
+    return paths_[as_size(frame)];
+  }
+
+  void list_folder() {
+    std::vector<std::string> images;
+    for (const auto& entry : fs::directory_iterator(pattern_))
+      if (entry.is_regular_file() && is_image_name(entry.path())) images.push_back(entry.path().string());
+    for (const std::size_t i : order_of_names(images)) {
+      frames_.push_back(static_cast<long>(paths_.size()));
+      paths_.push_back(images[i]);
+    }
+  }
+
   /// Finds the frame numbers by listing the folder. The part of a file name at {frame} must be a number that expands to
   /// the same name.
   void list_frames() {
@@ -184,9 +210,8 @@ class ImageReader : public FrameReader {
     if (has_varied_alpha(image)) return true;
     if (!alpha_varies_) {
       const std::vector<long> some = evenly_chosen(frames_, kAlphaSamples);
-      alpha_varies_ = std::any_of(some.begin(), some.end(), [&](long frame) {
-        return has_varied_alpha(read_image(expand_pattern(pattern_, 0, "", frame)));
-      });
+      alpha_varies_ = std::any_of(some.begin(), some.end(),
+                                  [&](long frame) { return has_varied_alpha(read_image(path_of(frame))); });
     }
     return *alpha_varies_;
   }
@@ -194,6 +219,7 @@ class ImageReader : public FrameReader {
   std::string pattern_;
   PixelFormat format_;
   std::vector<long> frames_;
+  std::vector<std::string> paths_;    ///< of a folder, by frame
   std::optional<bool> alpha_varies_;  ///< in some of the images; nothing: they have not been looked at
 };
 
@@ -209,7 +235,7 @@ FootageFacts inspect_footage(const std::string& path) {
 }
 
 std::unique_ptr<FrameReader> open_frames(const std::string& source, PixelFormat format) {
-  if (has_frame_placeholder(source)) return std::make_unique<ImageReader>(source, format);
+  if (has_frame_placeholder(source) || fs::is_directory(source)) return std::make_unique<ImageReader>(source, format);
   return std::make_unique<VideoReader>(source, format);
 }
 

@@ -420,7 +420,8 @@ class Preparation {
     if (written.empty()) return [](long) { return std::optional<People>(); };
     const auto source =
         std::make_shared<KeypointSource>(plan_.source(written, job.camera), plan_.evidence.map.layout,
-                                         keypoint_camera(plan_.cameras[job.camera], plan_.file_index[job.camera]));
+                                         keypoint_camera(plan_.cameras[job.camera], plan_.file_index[job.camera]),
+                                         sequence(job).entry.keypoint_offset_of(plan_.cameras[job.camera].name));
     return [source](long frame) { return source->people(frame); };
   }
 

@@ -223,7 +223,8 @@ std::string describe_sequence(const PlannedSequence& sequence) {
 
 /// Name and size of a source, to detect that the file was replaced.
 std::string describe_source(const std::string& source) {
-  return has_frame_placeholder(source) ? source : fmt::format("{} ({} bytes)", source, fs::file_size(source));
+  const bool images = has_frame_placeholder(source) || fs::is_directory(source);
+  return images ? source : fmt::format("{} ({} bytes)", source, fs::file_size(source));
 }
 
 /// The coefficients of a lens. Those that few lenses have are left out where they are 0.

@@ -39,6 +39,7 @@ sequences:
     keypoints: walk/{camera}_{frame:012}_keypoints.json
     motion: walk/poses.motion
     frame_offset: {"0": 2, left: -1.5}
+    keypoint_offset: {"0": 1, left: -3}
     first_frame: 10
     last_frame: 99
     cuts: [40, 60]
@@ -64,6 +65,7 @@ person: 1
 detector: {model: pose.prototxt, weights: pose.caffemodel, input_height: 256, mean: [104, 117, 123], rgb: true}
 unit: cm
 up: -z
+subject: S9
 )";
 
 /// A folder that holds `text` as capture.yaml beside an empty folder `footage`.
@@ -152,7 +154,11 @@ TEST(CaptureReference, WritingAndReadingGivesTheSame) {
   const Capture again = read_capture(first);
   EXPECT_EQ(again.root, capture.root);
   EXPECT_EQ(again.calibration_options.up, "-z");
+  EXPECT_EQ(again.calibration_options.subject, "S9");
   EXPECT_EQ(again.sequences[0].frame_offset, capture.sequences[0].frame_offset);
+  EXPECT_EQ(again.sequences[0].keypoint_offset, capture.sequences[0].keypoint_offset);
+  EXPECT_EQ(again.sequences[0].keypoint_offset_of("left"), -3);
+  EXPECT_EQ(again.sequences[0].keypoint_offset_of("other"), 0);
   EXPECT_EQ(again.camera_fps, capture.camera_fps);
   EXPECT_EQ(again.sequences[1].videos, capture.sequences[1].videos);
   EXPECT_EQ(again.sequences[0].cuts, capture.sequences[0].cuts);
@@ -215,6 +221,7 @@ TEST(CaptureRejects, NamesOfCamerasThatTheCalibrationLacks) {
   EXPECT_THAT(error("", "{'0': a, '2': b}"), HasSubstr("`videos` names camera '2'"));
   EXPECT_THAT(error("camera_fps: {x: 30}\n", "a"), HasSubstr("`camera_fps` names camera 'x'"));
   EXPECT_THAT(error("", "a, frame_offset: {y: 0.5}"), HasSubstr("`frame_offset` names camera 'y'"));
+  EXPECT_THAT(error("", "a, keypoint_offset: {y: 1}"), HasSubstr("`keypoint_offset` names camera 'y'"));
 }
 
 TEST(CaptureReference, IsNamedAfterItsFolderUnlessItSays) {

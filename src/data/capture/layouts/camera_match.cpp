@@ -78,9 +78,10 @@ bool agrees(const Position& position, const Position& other, const std::vector<W
 }
 
 /// The words of a path in which the cameras at some positions are replaced by "#".
-std::string without_cameras(const WordedPath& path, const std::vector<Position>& positions) {
+/// @param lowest the part with which to end
+std::string without_cameras(const WordedPath& path, const std::vector<Position>& positions, std::size_t lowest = 0) {
   std::string text;
-  for (std::size_t part = path.size(); part-- > 0;) {
+  for (std::size_t part = path.size(); part-- > lowest;) {
     std::vector<NameWord> words = path[part].words;
     for (const Position& position : positions)
       if (const auto found = position.part == part ? position.in(path) : std::nullopt)
@@ -92,8 +93,63 @@ std::string without_cameras(const WordedPath& path, const std::vector<Position>&
   return text;
 }
 
+/// The letters of the names below a part of a path; nothing without any number in them.
+std::optional<std::string> letters_below(const WordedPath& path, std::size_t part) {
+  std::string letters;
+  bool numbered = false;
+  for (std::size_t below = 0; below < std::min(part, path.size()); ++below)
+    for (const NameWord& word : path[below].words) {
+      numbered |= word.is_number;
+      if (!word.is_number) letters += word.text + " ";
+    }
+  return numbered ? std::optional(letters) : std::nullopt;
+}
+
+/// Files that each camera has in a folder of its own and under names of its own, as cameras give them (GX010500.MP4),
+/// belong together in their natural order, if all folders have as many. Names without numbers were given by a person,
+/// and so tell sequences; names with other letters are joined only where no files belong together by their names.
+class JoinedByOrder {
+ public:
+  JoinedByOrder(const std::vector<std::string>& paths, const std::vector<WordedPath>& worded, CameraMatch& match)
+      : paths_(paths), worded_(worded), match_(match), any_letters_(match.largest_sequence() < 2) {}
+
+  /// @param position where the cameras stand @param same the positions that name the same cameras
+  void join(const Position& position, const std::vector<Position>& same) {
+    if (position.part == 0) return;
+    std::map<std::string, std::map<int, std::vector<std::size_t>>> groups;
+    std::map<std::string, std::set<int>> cameras;
+    for (std::size_t i = 0; i < paths_.size(); ++i)
+      if (match_.camera[i]) cameras[match_.sequence[i]].insert(*match_.camera[i]);
+    for (std::size_t i = 0; i < paths_.size(); ++i) {
+      const std::optional<std::string> letters = letters_below(worded_[i], position.part);
+      if (!match_.camera[i] || !letters || cameras[match_.sequence[i]].size() > 1) continue;
+      const std::string folder = without_cameras(worded_[i], same, position.part);
+      groups[any_letters_ ? folder : folder + *letters][*match_.camera[i]].push_back(i);
+    }
+    for (auto& [folder, files] : groups) join_group(folder, files);
+  }
+
+ private:
+  void join_group(const std::string& name, std::map<int, std::vector<std::size_t>>& by_camera) {
+    const std::size_t count = by_camera.begin()->second.size();
+    const bool as_many = std::all_of(by_camera.begin(), by_camera.end(),
+                                     [&](const auto& files) { return files.second.size() == count; });
+    if (by_camera.size() < 2 || !as_many) return;
+    for (auto& [camera, files] : by_camera) {
+      std::sort(files.begin(), files.end(), [&](auto a, auto b) { return natural_less(paths_[a], paths_[b]); });
+      for (std::size_t i = 0; i < count; ++i)
+        match_.sequence[files[i]] = count == 1 ? name : fmt::format("{}{}", name, i + 1);
+    }
+  }
+
+  const std::vector<std::string>& paths_;
+  const std::vector<WordedPath>& worded_;
+  CameraMatch& match_;
+  bool any_letters_;
+};
+
 CameraMatch match_at(const Position& position, const std::vector<Position>& positions,
-                     const std::vector<WordedPath>& paths) {
+                     const std::vector<std::string>& names, const std::vector<WordedPath>& paths) {
   std::vector<Position> same;
   std::copy_if(positions.begin(), positions.end(), std::back_inserter(same),
                [&](const Position& other) { return agrees(other, position, paths); });
@@ -103,6 +159,7 @@ CameraMatch match_at(const Position& position, const std::vector<Position>& posi
     match.camera.push_back(found ? std::optional(found->camera) : std::nullopt);
     match.sequence.push_back(without_cameras(path, same));
   }
+  JoinedByOrder(names, paths, match).join(position, same);
   return match;
 }
 
@@ -117,7 +174,7 @@ CameraMatch match_by_keys(const std::vector<std::string>& paths, const Keys& key
   CameraMatch best;
   std::pair<int, int> most{0, 0};
   for (const Position& position : positions) {
-    CameraMatch match = match_at(position, positions, all);
+    CameraMatch match = match_at(position, positions, paths, all);
     const std::pair<int, int> found{match.largest_sequence(), match.num_matched()};
     if (found <= most) continue;
     most = found;

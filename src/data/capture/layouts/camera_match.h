@@ -26,6 +26,8 @@ struct CameraMatch {
 /// 2. by number: it holds the last number of its name, and no two cameras have the same;
 /// 3. by order: as many files as cameras, both in natural order; or as many in each folder; or as many of each name.
 /// All files are those of a single camera, each in a sequence of its own.
+/// Where each camera has a folder, and the files in it have numbers and no name in common with those of the other
+/// cameras, as cameras name their files, they belong together in natural order, if all folders have as many.
 /// The part of the path, counted from its end, is that by which the sequences have most cameras. A match by number must
 /// leave either no file or no camera over, because cameras might be counted from 0 and files from 1.
 /// @param paths without extension, with `/` @param cameras their names

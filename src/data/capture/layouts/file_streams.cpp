@@ -17,6 +17,7 @@ namespace doppel {
 namespace {
 
 constexpr std::size_t kMaxFrameDigits = 18;  // of a frame number
+constexpr std::size_t kMaxTimeDigits = 20;   // nanoseconds since 1970 have 19
 
 std::string lowered_extension(const std::string& path) {
   const std::size_t dot = path.rfind('.'), slash = path.rfind('/');
@@ -57,13 +58,14 @@ struct CutPath {
 };
 
 /// The column of digits that counts the frames, if any column varies.
-std::size_t frame_column(const std::vector<const CutPath*>& files) {
+/// @param most_digits of numbers that may be frames
+std::size_t frame_column(const std::vector<const CutPath*>& files, std::size_t most_digits = kMaxFrameDigits) {
   std::size_t best = 0, most = 1;
   for (std::size_t column = 0; column < files.front()->digits.size(); ++column) {
     std::set<std::string> values;
     for (const CutPath* file : files) values.insert(file->digits[column]);
     const bool usable =
-        std::all_of(values.begin(), values.end(), [](const auto& v) { return v.size() <= kMaxFrameDigits; });
+        std::all_of(values.begin(), values.end(), [&](const auto& v) { return v.size() <= most_digits; });
     if (!usable || values.size() < 2 || values.size() < most) continue;
     most = values.size();
     best = column + 1;
@@ -92,7 +94,74 @@ FileStream frames_stream(const std::vector<const CutPath*>& files, std::size_t c
   stream.path = first->without(column, shortest == longest ? fmt::format("{{frame:0{}}}", longest) : "{frame}");
   stream.files = static_cast<long>(files.size());
   stream.first_frame = number(first);
+  stream.last_frame = number(*std::max_element(files.begin(), files.end(),
+                                               [&](const auto* a, const auto* b) { return number(a) < number(b); }));
   stream.per_frame = true;
+  return stream;
+}
+
+/// Files by what their names are without the number in one column.
+using FilesByRest = std::map<std::string, std::vector<const CutPath*>>;
+FilesByRest by_rest(const std::vector<const CutPath*>& files, std::size_t column) {
+  FilesByRest groups;
+  for (const CutPath* file : files) groups[file->without(column, "#")].push_back(file);
+  return groups;
+}
+
+/// Whether two of the groups have most of their numbers in common, as the frames of two cameras have.
+bool share_numbers(const FilesByRest& groups, std::size_t column) {
+  std::map<std::string, std::size_t> uses;
+  for (const auto& [rest, files] : groups)
+    for (const CutPath* file : files) ++uses[file->digits[column]];
+  return 2 * static_cast<std::size_t>(
+                 std::count_if(uses.begin(), uses.end(), [](const auto& use) { return use.second > 1; })) >
+         uses.size();
+}
+
+/// Whether most numbers of some group follow each other, as frames do.
+bool has_frames(const FilesByRest& groups, std::size_t column) {
+  return std::any_of(groups.begin(), groups.end(), [&](const auto& group) {
+    std::set<long> numbers;
+    for (const CutPath* file : group.second)
+      if (const std::string& digits = file->digits[column]; digits.size() <= kMaxFrameDigits)
+        numbers.insert(std::strtol(digits.c_str(), nullptr, 10));
+    const auto followed = static_cast<std::size_t>(
+        std::count_if(numbers.begin(), numbers.end(), [&](long number) { return numbers.count(number + 1) > 0; }));
+    return followed > 0 && 2 * followed + 1 >= numbers.size();
+  });
+}
+
+/// Whether a file lacks nothing but the fraction of the second that others have in their names.
+bool is_without_fraction(const CutPath& file, const CutPath& with) {
+  const std::size_t n = file.digits.size();
+  return n + 1 == with.digits.size() && (with.texts[n] == "." || with.texts[n] == ",") &&
+         std::equal(file.texts.begin(), file.texts.end() - 1, with.texts.begin()) &&
+         file.texts.back() == with.texts.back();
+}
+
+/// Whether the names of files that differ in numbers alone hold times.
+/// @param all the files of this kind in their folder
+bool are_times(const std::vector<const CutPath*>& files, const std::vector<const CutPath*>& all) {
+  const bool alone = std::all_of(all.begin(), all.end(), [&](const CutPath* file) {
+    return file->texts == files.front()->texts || is_without_fraction(*file, *files.front());
+  });
+  const std::size_t column = frame_column(files, kMaxTimeDigits);
+  if (!alone || column == 0) return false;
+  std::vector<std::string> names;
+  for (const CutPath* file : files) names.push_back(file->path.substr(file->path.rfind('/') + 1));
+  const FilesByRest groups = by_rest(files, column - 1);
+  if (has_frames(groups, column - 1) || !hold_times(names)) return false;
+  return are_dated(names) || !share_numbers(groups, column - 1);
+}
+
+FileStream folder_stream(const std::vector<const CutPath*>& files) {
+  std::vector<std::string> paths;
+  for (const CutPath* file : files) paths.push_back(file->path);
+  FileStream stream = single_file(paths[order_of_names(paths).front()]);
+  stream.path = folder_of(stream.first_file);
+  stream.files = static_cast<long>(files.size());
+  stream.last_frame = stream.files - 1;
+  stream.per_frame = stream.by_position = true;
   return stream;
 }
 
@@ -103,9 +172,7 @@ void add_streams(const std::vector<const CutPath*>& files, std::vector<FileStrea
     for (const CutPath* file : files) streams.push_back(single_file(file->path));
     return;
   }
-  std::map<std::string, std::vector<const CutPath*>> by_rest;
-  for (const CutPath* file : files) by_rest[file->without(column - 1, "#")].push_back(file);
-  for (const auto& [rest, members] : by_rest) streams.push_back(frames_stream(members, column - 1));
+  for (const auto& [rest, members] : by_rest(files, column - 1)) streams.push_back(frames_stream(members, column - 1));
 }
 
 }  // namespace
@@ -116,12 +183,14 @@ FileKind kind_of_file(const std::string& path) {
       {"m4v", FileKind::video},  {"webm", FileKind::video}, {"mpg", FileKind::video},  {"mpeg", FileKind::video},
       {"wmv", FileKind::video},  {"mts", FileKind::video},  {"m2ts", FileKind::video}, {"jpg", FileKind::image},
       {"jpeg", FileKind::image}, {"png", FileKind::image},  {"bmp", FileKind::image},  {"tif", FileKind::image},
-      {"tiff", FileKind::image}, {"webp", FileKind::image}, {"json", FileKind::json},  {"csv", FileKind::table}};
+      {"tiff", FileKind::image}, {"webp", FileKind::image}, {"json", FileKind::json},  {"csv", FileKind::table},
+      {"tsv", FileKind::table}};
   const auto found = kinds.find(lowered_extension(path));
   return found == kinds.end() ? FileKind::other : found->second;
 }
 
 std::string FileStream::stem() const {
+  if (by_position) return path + "/.";
   std::string text = path.substr(0, path.size() - lowered_extension(path).size());
   const std::size_t open = text.find("{frame");
   return open == std::string::npos ? text : text.erase(open, text.find('}', open) - open + 1);
@@ -140,8 +209,20 @@ std::vector<FileStream> group_streams(const std::vector<std::string>& paths, boo
       streams.push_back(single_file(path));
   }
   std::map<std::vector<std::string>, std::vector<const CutPath*>> by_texts;
-  for (const CutPath& path : cut) by_texts[path.texts].push_back(&path);
-  for (const auto& [texts, files] : by_texts) add_streams(files, streams);
+  std::map<std::pair<std::string, FileKind>, std::vector<const CutPath*>> in_folder;
+  for (const CutPath& path : cut) {
+    by_texts[path.texts].push_back(&path);
+    in_folder[{folder_of(path.path), kind_of_file(path.path)}].push_back(&path);
+  }
+  std::set<std::string> folders_of_times;
+  for (const auto& [texts, files] : by_texts) {
+    const std::string folder = folder_of(files.front()->path);
+    const std::vector<const CutPath*>& all = in_folder[{folder, kind_of_file(files.front()->path)}];
+    if (!folder.empty() && are_times(files, all) && folders_of_times.insert(folder).second)
+      streams.push_back(folder_stream(all));
+  }
+  for (const auto& [texts, files] : by_texts)
+    if (folders_of_times.count(folder_of(files.front()->path)) == 0) add_streams(files, streams);
   std::sort(streams.begin(), streams.end(),
             [](const FileStream& a, const FileStream& b) { return natural_less(a.first_file, b.first_file); });
   return streams;

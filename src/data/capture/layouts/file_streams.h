@@ -16,13 +16,16 @@ struct FileStream {
   std::string first_file;  ///< path of the file, or of the file of the first frame
   long files = 1;
   long first_frame = 0;  ///< frame number of the first file
+  long last_frame = 0;   ///< and of the last
   bool per_frame = false;
+  bool by_position = false;  ///< the names hold times: `path` is the folder, frames are positions in natural order
 
   /// The path without extension and frame, in which the names of the camera and of the sequence stand.
   std::string stem() const;
 };
 
-/// Groups paths into streams. Images and JSON files of a folder whose names differ in numbers alone are files per
+/// Groups paths into streams. Images and JSON files of a folder whose names hold times are one stream, the folder, if
+/// it has no others. Images and JSON files of a folder whose names differ in numbers alone are files per
 /// frame: the number with most values counts the frames, the last of several such. Videos and tables are streams of
 /// their own. Paths with braces are left out: a capture.yaml cannot name them.
 /// @param per_frame false: every file is a stream of its own

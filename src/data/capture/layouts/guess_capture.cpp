@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <limits>
 #include <optional>
 #include <regex>
 
@@ -223,12 +225,40 @@ class Guesser {
   }
 
   void set_first_frame(const SequenceFiles& sequence, SequenceEntry& entry) {
-    long first = 0;
-    for (const auto& [camera, stream] : sequence.by_camera) first = std::max(first, stream.first_frame);
+    tell_positions(sequence, entry.name);
+    long first = 0, last = std::numeric_limits<long>::max(), shortest = last;
+    for (const auto& [camera, stream] : sequence.by_camera) {
+      first = std::max(first, stream.first_frame);
+      last = std::min(last, stream.last_frame);
+      shortest = std::min(shortest, stream.last_frame - stream.first_frame + 1);
+    }
     if (first == 0) return;
+    if (2 * (last - first + 1) < shortest) return set_own_first_frames(sequence, entry);
     for (const auto& [camera, stream] : sequence.by_camera)
       entry.frame_offset[names_[camera]] = static_cast<double>(first);
     found("sequence {}: all cameras have images from number {} on, so `frame_offset` is {}", entry.name, first, first);
+  }
+
+  /// Cameras that name their files themselves count from other numbers.
+  void set_own_first_frames(const SequenceFiles& sequence, SequenceEntry& entry) {
+    std::string numbers;
+    for (const auto& [camera, stream] : sequence.by_camera) {
+      entry.frame_offset[names_[camera]] = static_cast<double>(stream.first_frame);
+      numbers += fmt::format("{}{} {}", numbers.empty() ? "" : ", ", names_[camera], stream.first_frame);
+    }
+    found(
+        "sequence {}: each camera numbers its images in its own way; they are taken to begin at the same time, so "
+        "`frame_offset` is the first number: {}",
+        entry.name, numbers);
+  }
+
+  void tell_positions(const SequenceFiles& sequence, const std::string& name) {
+    for (const auto& [camera, stream] : sequence.by_camera)
+      if (stream.by_position)
+        return found(
+            "sequence {}: the images of {} have times as names; the frames are their positions in natural order, and "
+            "images that were lost are not noticed",
+            name, stream.path);
   }
 
   /// The cameras of all sequences.
@@ -249,7 +279,17 @@ class Guesser {
     found("cameras: {} of the calibration's {} are used; {} {} not filmed in every sequence", used_.size(),
           names_.size(), some_of(unfilmed), unfilmed.size() == 1 ? "is" : "are");
     if (used_.empty()) {
-      missing("no camera filmed all sequences; write a capture.yaml for each of them");
+      const bool single = std::all_of(filmed_.begin(), filmed_.end(),
+                                      [](const SequenceFiles& sequence) { return sequence.by_camera.size() == 1; });
+      if (single)
+        missing(
+            "nothing in the names of the videos tells which of them were filmed together; give the videos of one take "
+            "the same name but for the camera (walk_{0}.mp4, {0}/walk.mp4), or name them for each camera under "
+            "`videos` "
+            "in a capture.yaml (docs/capture.md)",
+            names_.front());
+      else
+        missing("no camera filmed all sequences; write a capture.yaml for each of them");
       guess_.capture.sequences.clear();
     }
   }
@@ -358,6 +398,7 @@ class Guesser {
         entry.masks = paths_of(*sequence);
         entry.mask_threshold = hints_.mask_threshold;
         found("sequence {}: masks, matched {}: {}", entry.name, to_string(masks.way), entry.masks.to_string());
+        if (entry.mask_threshold == SequenceEntry().mask_threshold) fit_threshold(*sequence, entry);
       } else if (const SequenceFiles* scene = empty.sequences.size() == 1 && has_all(empty.sequences[0])
                                                   ? &empty.sequences[0]
                                                   : files_for(i, empty, "empty")) {
@@ -369,6 +410,26 @@ class Guesser {
             "sequence {} has no masks; without them the outline does not count. Add masks (a folder `masks`), or film "
             "the empty scene (a folder `empty`) and run this command again, or find them with `doppel detect --masks`",
             entry.name);
+      }
+    }
+  }
+
+  /// Lowers the threshold where masks hold labels, or are dim.
+  void fit_threshold(const SequenceFiles& sequence, SequenceEntry& entry) {
+    for (const int camera : used_) {
+      const FileStream& stream = sequence.by_camera.at(camera);
+      const auto looked_at = content_.masks.find(stream.first_file);
+      if (looked_at == content_.masks.end()) continue;
+      const MaskValues& masks = looked_at->second;
+      if (const auto needed = masks.needed_threshold(); needed && *needed < entry.mask_threshold) {
+        entry.mask_threshold = *needed;
+        found("sequence {}: mask_threshold: {}, because the masks {} have the values {}", entry.name, *needed,
+              stream.path, masks.to_string());
+      } else if (!needed && masks.has_dark_labels()) {
+        found(
+            "sequence {}: the masks {} have the values {}; those below mask_threshold ({}) are not the person. If they "
+            "are, set mask_threshold to the smallest of them",
+            entry.name, stream.path, masks.to_string(), entry.mask_threshold);
       }
     }
   }
@@ -396,9 +457,8 @@ class Guesser {
         (stream.kind == FileKind::table ? tables : files).push_back(stream);
     std::set<std::string> folders;  // whose files may be one for each camera, and not for each frame
     for (const FileStream& stream : files)
-      if (stream.files == static_cast<long>(names_.size())) folders.insert(folder_of(stream.path));
+      if (stream.files == static_cast<long>(names_.size())) folders.insert(folder_of(stream.first_file));
     for (const FileStream& stream : group_streams(content_.files, false))
-        if (entry.mask_threshold == SequenceEntry().mask_threshold) fit_threshold(*sequence, entry);
       if (stream.kind == FileKind::json && folders.count(folder_of(stream.path)) > 0) singles.push_back(stream);
     SortedFiles sequences = sort_files(files, names_);
     if (SortedFiles by_camera = sort_files(singles, names_); by_camera.most_cameras() > sequences.most_cameras())
@@ -414,26 +474,6 @@ class Guesser {
     SequenceEntry& entry = guess_.capture.sequences.front();
     if (used_.size() == 1 && filmed_.size() == 1 && content_.joint_tables.size() == 1 && !entry.keypoints.empty()) {
       entry.joints3d = content_.joint_tables.front();
-  /// Lowers the threshold where masks hold labels, or are dim.
-  void fit_threshold(const SequenceFiles& sequence, SequenceEntry& entry) {
-    for (const int camera : used_) {
-      const FileStream& stream = sequence.by_camera.at(camera);
-      const auto looked_at = content_.masks.find(stream.first_file);
-      if (looked_at == content_.masks.end()) continue;
-      const MaskValues& masks = looked_at->second;
-      if (const auto needed = masks.needed_threshold(); needed && *needed < entry.mask_threshold) {
-        entry.mask_threshold = *needed;
-        found("sequence {}: mask_threshold: {}, because the masks {} have the values {}", entry.name, *needed,
-              stream.path, masks.to_string());
-      } else if (!needed && masks.has_dark_labels()) {
-        found(
-            "sequence {}: the masks {} have the values {}; those below mask_threshold ({}) are not the person. If they "
-            "are, set mask_threshold to the smallest of them",
-            entry.name, stream.path, masks.to_string(), entry.mask_threshold);
-      }
-    }
-  }
-
       found("sequence {}: joints in space: {}", entry.name, entry.joints3d);
     } else {
       found("joints in space: {}; not used, because only one table of one camera with keypoints is certain",
@@ -460,14 +500,54 @@ class Guesser {
     entry.keypoints = only_table ? CameraPaths(tables.front().path) : paths_of(*files);
     found("sequence {}: keypoints{}: {}", entry.name, only_table ? "" : ", matched " + to_string(by_camera.way),
           entry.keypoints.to_string());
-    const FileStream& footage = filmed_[i].by_camera.begin()->second;
-    const FileStream& first = only_table ? tables.front() : files->by_camera.begin()->second;
-    // Keypoints have the numbers of the frames that they were found in.
-    if (first.per_frame && first.first_frame != footage.first_frame)
+    for (const int camera : used_)
+      set_keypoint_offset(camera, filmed_[i].by_camera.at(camera),
+                          only_table ? tables.front() : files->by_camera.at(camera), entry);
+    tell_keypoint_offset(entry);
+  }
+
+  /// The numbers of the first and the last frame of a camera; nothing where they are not known.
+  std::optional<std::pair<long, long>> filmed_frames(const FileStream& footage) const {
+    if (footage.per_frame) return std::pair(footage.first_frame, footage.last_frame);
+    const auto facts = content_.footage.find(footage.first_file);
+    if (facts == content_.footage.end() || facts->second.frames <= 0) return std::nullopt;
+    return std::pair(0L, facts->second.frames - 1);
+  }
+  std::optional<std::pair<long, long>> keypoint_frames(const FileStream& keypoints) const {
+    if (keypoints.per_frame) return std::pair(keypoints.first_frame, keypoints.last_frame);
+    const auto frames = content_.keypoint_frames.find(keypoints.first_file);
+    return frames == content_.keypoint_frames.end() ? std::nullopt : std::optional(frames->second);
+  }
+
+  /// Keypoints have the numbers of the frames that they were found in, unless these numbers cannot be: a detector may
+  /// have seen images that were numbered from 1, or from another frame on.
+  void set_keypoint_offset(int camera, const FileStream& footage, const FileStream& keypoints, SequenceEntry& entry) {
+    const auto filmed = filmed_frames(footage), seen = keypoint_frames(keypoints);
+    if (!filmed || !seen || *filmed == *seen) return;
+    const bool as_many = seen->second - seen->first == filmed->second - filmed->first;
+    const bool from_one = seen->second == filmed->second + 1 && seen->first > filmed->first;
+    if (as_many || from_one)
+      entry.keypoint_offset[names_[camera]] = as_many ? seen->first - filmed->first : 1;
+    else if (seen->second > filmed->second)
+      missing(
+          "certainty about the keypoints of {}: {} has numbers {} to {}, the footage has the frames {} to {}; number n "
+          "is taken to be of frame n. State `keypoint_offset` if that is wrong",
+          names_[camera], keypoints.path, seen->first, seen->second, filmed->first, filmed->second);
+    else if (keypoints.per_frame && seen->first != filmed->first)
       found(
-          "sequence {}: the keypoint files begin with number {}, the footage with {}; number n is taken to be of frame "
-          "n",
-          entry.name, first.first_frame, footage.first_frame);
+          "sequence {}: the keypoint files of {} begin with number {}, the footage with {}; number n is taken to be of "
+          "frame n",
+          entry.name, names_[camera], seen->first, filmed->first);
+  }
+
+  void tell_keypoint_offset(const SequenceEntry& entry) {
+    std::map<long, std::vector<std::string>> cameras;
+    for (const auto& [camera, offset] : entry.keypoint_offset) cameras[offset].push_back(camera);
+    for (const auto& [offset, names] : cameras)
+      found(
+          "sequence {}: the keypoints of {} have the number n of frame n {} {}: there are as many, and the last number "
+          "is of no frame; so `keypoint_offset` is {}",
+          entry.name, some_of(names), offset < 0 ? '+' : '-', std::abs(offset), offset);
   }
 
   void choose_map(const Streams& files) {

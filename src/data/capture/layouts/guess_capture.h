@@ -21,7 +21,8 @@ struct GuessHints {
 ///   belong to the sequence whose words their paths hold, or to the only one.
 /// - `fps` is that of most videos. A camera whose rate differs so much that it would be half a frame off at the end of
 ///   its video gets its own rate.
-/// - Images that are numbered from n get the `frame_offset` n.
+/// - Images that are numbered from n get the `frame_offset` n; each camera its own where they count on their own.
+/// - Keypoints whose numbers cannot be those of the frames get a `keypoint_offset`.
 CaptureGuess guess_capture(const FolderContent& content, const GuessHints& hints = {});
 
 }  // namespace doppel

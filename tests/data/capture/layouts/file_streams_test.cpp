@@ -44,6 +44,30 @@ TEST(FileStreamsReference, VideosAndTablesStandAlone) {
   EXPECT_EQ(paths_of(group_streams({"0001_2d.png", "0002_2d.png"})), (Paths{"{frame:04}_2d.png"}));
 }
 
+TEST(FileStreamsReference, FoldersOfTimesAreOneStream) {
+  const Paths times{"a/2024-05-06T07_08_09.960.png", "a/2024-05-06T07_08_10.000.png", "a/2024-05-06T07_08_10.040.png"};
+  const auto streams = group_streams(times);
+  EXPECT_EQ(paths_of(streams), Paths{"a"});
+  EXPECT_TRUE(streams[0].per_frame && streams[0].by_position);
+  EXPECT_EQ(streams[0].files, 3);
+  EXPECT_EQ(streams[0].first_frame, 0);
+  EXPECT_EQ(streams[0].last_frame, 2);
+  EXPECT_EQ(streams[0].first_file, times[0]);
+  EXPECT_EQ(streams[0].stem(), "a/.");
+  EXPECT_EQ(paths_of(group_streams({"a/1714979289083.jpg", "a/1714979289123.jpg"})), Paths{"a"});
+  const Paths whole{"a/2024-05-06T07_08_09.960000.png", "a/2024-05-06T07_08_10.040000.png",
+                    "a/2024-05-06T07_08_10.png"};
+  EXPECT_EQ(paths_of(group_streams(whole)), Paths{"a"}) << "Python leaves out a fraction of 0";
+  Paths with_others = times;
+  with_others.emplace_back("a/other.png");
+  EXPECT_GT(group_streams(with_others).size(), 1u) << "the folder has other images";
+}
+
+TEST(FileStreamsReference, SomeFramesOfTwoCamerasAreNoTimes) {
+  EXPECT_EQ(paths_of(group_streams({"cam0_0010.png", "cam0_0020.png", "cam1_0010.png", "cam1_0020.png"})),
+            (Paths{"cam0_{frame:04}.png", "cam1_{frame:04}.png"}));
+}
+
 TEST(FileStreamsReference, BracesCannotBeNamed) { EXPECT_TRUE(group_streams({"a{b}.mp4"}).empty()); }
 
 TEST(FileStreamsReference, AnyPathsAreTaken) {
