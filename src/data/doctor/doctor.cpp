@@ -1,5 +1,6 @@
 #include "doppel/data/doctor/doctor.h"
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -22,6 +23,9 @@ std::vector<std::string> camera_names(const Sightings& seen) {
 void examine_keypoints(Examination& examination) {
   const Sightings& seen = examination.seen;
   if (!seen.has_people()) {
+    const bool told = std::any_of(examination.findings.begin(), examination.findings.end(),
+                                  [](const Finding& finding) { return finding.fault == faults::kNoKeypoints; });
+    if (told) return;
     examination.findings.push_back({"", faults::kNoKeypoints, Severity::warning, "no keypoints",
                                     "Without keypoints, calibration and synchronisation cannot be examined. Run "
                                     "`doppel detect` or another detector, "
@@ -73,6 +77,21 @@ ordered_json camera_json(const Examination& examination, std::size_t c) {
   return json;
 }
 
+bool has_wrong_keypoints(const Examination& examination) {
+  return std::any_of(examination.findings.begin(), examination.findings.end(),
+                     [](const Finding& finding) { return finding.fault == faults::kWrongKeypoints; });
+}
+
+/// What was measured of masks by keypoints says nothing when these are of other footage.
+void forget_keypoints(std::vector<SequenceFootage>& footage) {
+  for (SequenceFootage& sequence : footage)
+    for (FootageExamination& camera : sequence)
+      for (ImageFacts& facts : camera.images) {
+        facts.points_on_mask = facts.body_on_mask = facts.bones_on_mask = -1.0;
+        facts.has_margins = false;
+      }
+}
+
 }  // namespace
 
 Examination examine_capture(const Capture& capture, const DoctorOptions& options) {
@@ -88,6 +107,7 @@ Examination examine_capture(const Capture& capture, const DoctorOptions& options
       examination.footage.back().push_back(examine_footage(capture, static_cast<int>(s), examination.seen, c, rig));
   }
   examine_images(examination.seen, rig, examination.footage, examination.findings);
+  if (has_wrong_keypoints(examination)) forget_keypoints(examination.footage);
   examine_masks(examination.seen, rig, examination.footage, examination.findings);
   examination.findings = sorted_findings(std::move(examination.findings), camera_names(examination.seen));
   return examination;

@@ -16,7 +16,7 @@ inline constexpr char kMirrored[] = "mirrored", kUpsideDown[] = "upside_down", k
                       kPrincipalPoint[] = "principal_point", kDistortion[] = "distortion",
                       kMovedCamera[] = "moved_camera", kWrongResolution[] = "wrong_resolution",
                       kWrongPerson[] = "wrong_person", kLeftRight[] = "keypoints_left_right",
-                      kDisagrees[] = "disagrees";
+                      kWrongKeypoints[] = "wrong_keypoints", kDisagrees[] = "disagrees";
 // The body in space.
 inline constexpr char kWrongUp[] = "wrong_up", kOutOfView[] = "out_of_view";
 // Files, images and masks.

@@ -6,9 +6,8 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <opencv2/imgproc.hpp>
-#include <tuple>
 
+#include "doppel/data/doctor/activity_examination.h"
 #include "doppel/data/doctor/statistics.h"
 
 namespace doppel {
@@ -21,12 +20,11 @@ constexpr double kTimesSpread = 4.0;                            ///< and of the 
 constexpr double kJumpOfExposure = 0.12;                        ///< stops between two images
 constexpr double kBlurRatio = 1.7, kBlurPixels = 0.7;  ///< of the edges' width, against the median of the others
 constexpr double kDoubled = 0.2, kMoving = 0.5;        ///< change of an image, of the usual change
+constexpr double kLeastChange = 0.15;                  ///< grey levels: below, nothing moves
 constexpr double kJump = 1.7;                          ///< the same, over its neighbours and the other cameras
 constexpr double kGapOfStamps = 1.6;                   ///< of the usual distance of time stamps
 constexpr double kDoubledWarning = 0.02, kDoubledFault = 0.05;  ///< share of the frames
 constexpr int kMinDoubled = 2;
-constexpr double kClearGain = 0.08;  ///< of the contrast between activity on and beside the limbs
-constexpr double kLimbWidth = 0.07;  ///< of the person's size
 
 const double kNone = std::numeric_limits<double>::quiet_NaN();
 
@@ -60,27 +58,38 @@ double difference_of(const std::vector<double>& person, const std::vector<double
 
 class ImageJudge {
  public:
-  ImageJudge(const Sightings& seen, const RigExamination* rig, const SequenceFootage& footage,
-             std::vector<Finding>& findings)
-      : seen_(seen), rig_(rig), footage_(footage), findings_(findings) {}
+  ImageJudge(const Sightings& seen, const SequenceFootage& footage, std::vector<Finding>& findings)
+      : seen_(seen), footage_(footage), findings_(findings) {}
 
-  void judge() {
+  /// @param by_keypoints whether the keypoints say where the person is
+  void judge(bool by_keypoints) {
     for (std::size_t c = 0; c < footage_.size(); ++c) {
-      if (!footage_[c].error.empty() && footage_[c].frames > 0)
-        add(c, faults::kUnreadable, Severity::fault, "a frame of its video cannot be read",
-            footage_[c].error + ". Copy the video again, or cut the sequence before this frame with `last_frame`.");
-      exposure(c);
-      unsteady_exposure(c);
-      balance(c);
+      unreadable(c);
+      if (by_keypoints) {
+        exposure(c);
+        unsteady_exposure(c);
+        balance(c);
+      }
       blur(c);
       frames(c);
     }
-    activity();
   }
 
  private:
   void add(std::size_t camera, const char* fault, Severity severity, std::string figure, std::string advice) {
     findings_.push_back({seen_.cameras[camera].name, fault, severity, std::move(figure), std::move(advice)});
+  }
+
+  void unreadable(std::size_t c) {
+    const FootageExamination& camera = footage_[c];
+    if (camera.error.empty() || camera.frames <= 0) return;
+    if (camera.missing_images > 0)
+      add(c, faults::kUnreadable, Severity::fault,
+          fmt::format("{} of its images cannot be read", camera.missing_images),
+          camera.error + ". Copy the images again, or leave these frames out with `first_frame` and `last_frame`.");
+    else
+      add(c, faults::kUnreadable, Severity::fault, "a frame of its video cannot be read",
+          camera.error + ". Copy the video again, or cut the sequence before this frame with `last_frame`.");
   }
 
   void exposure(std::size_t c) {
@@ -100,8 +109,9 @@ class ImageJudge {
     const auto jumps = [](const FootageExamination& camera) {
       std::vector<double> values;
       for (std::size_t i = 1; i < camera.images.size(); ++i)
-        if (camera.images[i].after_previous)
-          values.push_back(std::abs(camera.images[i].scene_exposure - camera.images[i - 1].scene_exposure));
+        if (const double jump = std::abs(camera.images[i].scene_exposure - camera.images[i - 1].scene_exposure);
+            camera.images[i].after_previous && std::isfinite(jump))
+          values.push_back(jump);
       return values.empty() ? kNone : quantile(values, 0.9);
     };
     std::vector<double> values;
@@ -155,7 +165,7 @@ class ImageJudge {
         if (j != i && images[j].change >= 0.0) around.push_back(images[j].change);
       // the upper half: in a video with many doubled frames, the median is none that changes
       const double level = quantile(around, 0.7);
-      if (around.size() >= 4 && level > 0.0) ratios[images[i].row] = images[i].change / level;
+      if (around.size() >= 4 && level > kLeastChange) ratios[images[i].row] = images[i].change / level;
     }
     return ratios;
   }
@@ -220,121 +230,7 @@ class ImageJudge {
         "split the sequence there; a faster disk or a lower rate avoids it.");
   }
 
-  // ---- whether the person moves where the keypoints are ----
-
-  /// Grey levels by which small images differ from their median, one image for each.
-  static std::vector<cv::Mat> activity_of(const FootageExamination& camera) {
-    std::vector<cv::Mat> active;
-    if (camera.small.size() < 5) return active;
-    cv::Mat background(camera.small[0].size(), CV_8UC1);
-    for (int y = 0; y < background.rows; ++y)
-      for (int x = 0; x < background.cols; ++x) {
-        std::vector<double> values;
-        for (const cv::Mat& image : camera.small) values.push_back(image.at<std::uint8_t>(y, x));
-        background.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(median(values));
-      }
-    for (const cv::Mat& image : camera.small) {
-      cv::Mat difference;
-      cv::absdiff(image, background, difference);
-      cv::threshold(difference, difference, 12, 255, cv::THRESH_BINARY);
-      active.push_back(difference);
-    }
-    return active;
-  }
-
-  /// The limbs of the person in a small image, as one camera's keypoints say; empty without a person.
-  cv::Mat limbs_of(std::size_t keypoints, int instant, cv::Size size) const {
-    const auto& people = seen_.people[keypoints][instant];
-    const int index = rig_ ? rig_->person[keypoints][instant] : (people.empty() ? -1 : 0);
-    if (index < 0) return {};
-    const Camera& camera = seen_.cameras[keypoints];
-    const double sx = static_cast<double>(size.width) / camera.width,
-                 sy = static_cast<double>(size.height) / camera.height;
-    cv::Mat limbs = cv::Mat::zeros(size, CV_8UC1);
-    const SeenPerson& person = people[index];
-    const auto at = [&](int k) {
-      const Eigen::Vector2d& pixel = person[k].pixel;
-      return cv::Point(static_cast<int>(pixel.x() * sx), static_cast<int>(pixel.y() * sy));
-    };
-    for (const auto& [a, b] : seen_.bones)
-      if (person[a].seen && person[b].seen)
-        cv::line(limbs, at(a), at(b), 255, std::max(3, static_cast<int>(kLimbWidth * seen_.size[keypoints] * sx)));
-    return limbs;
-  }
-
-  /// (inside - outside) / (inside + outside) of the share of active pixels, inside and outside of the limbs.
-  double contrast(const std::vector<cv::Mat>& active, const std::vector<int>& instants, std::size_t keypoints) const {
-    double inside = 0.0, outside = 0.0, inside_area = 0.0, outside_area = 0.0;
-    for (std::size_t i = 0; i < active.size(); ++i) {
-      const cv::Mat limbs = limbs_of(keypoints, instants[i], active[i].size());
-      if (limbs.empty()) continue;
-      const double area = cv::countNonZero(limbs), on = cv::countNonZero(active[i] & limbs);
-      inside += on;
-      outside += cv::countNonZero(active[i]) - on;
-      inside_area += area;
-      outside_area += static_cast<double>(limbs.total()) - area;
-    }
-    if (inside_area == 0.0 || outside_area == 0.0 || inside + outside == 0.0) return kNone;
-    const double a = inside / inside_area, b = outside / outside_area;
-    return (a - b) / (a + b);
-  }
-
-  static std::vector<cv::Mat> flipped(const std::vector<cv::Mat>& images, int code) {
-    std::vector<cv::Mat> result(images.size());
-    for (std::size_t i = 0; i < images.size(); ++i) cv::flip(images[i], result[i], code);
-    return result;
-  }
-
-  /// Videos that do not show the person where the keypoints are, although mirrored, turned or exchanged ones would.
-  void activity() {
-    std::vector<std::vector<cv::Mat>> active;
-    for (const FootageExamination& camera : footage_) active.push_back(activity_of(camera));
-    const std::size_t cameras = footage_.size();
-    std::vector<std::vector<double>> of(cameras, std::vector<double>(cameras, kNone));  // video, keypoints
-    for (std::size_t video = 0; video < cameras; ++video)
-      for (std::size_t keypoints = 0; keypoints < cameras; ++keypoints)
-        if (!active[video].empty() && !(rig_ && (rig_->faulty[video] || rig_->faulty[keypoints])))
-          of[video][keypoints] = contrast(active[video], footage_[video].small_instants, keypoints);
-    std::vector<bool> exchanged(cameras, false);
-    for (std::size_t a = 0; a < cameras; ++a)
-      for (std::size_t b = a + 1; b < cameras; ++b) {
-        const double gain = std::min(of[a][b] - of[a][a], of[b][a] - of[b][b]);
-        if (!(gain > kClearGain)) continue;
-        exchanged[a] = exchanged[b] = true;
-        for (const auto& [one, other] : {std::pair(a, b), std::pair(b, a)})
-          add(one, faults::kSwapped, Severity::fault,
-              fmt::format("what moves in its video is where the keypoints of camera {} are (contrast {:.2f}, with its "
-                          "own {:.2f})",
-                          seen_.cameras[other].name, of[one][other], of[one][one]),
-              fmt::format("The videos of cameras {} and {} are exchanged. Exchange them in capture.yaml.",
-                          seen_.cameras[one].name, seen_.cameras[other].name));
-      }
-    for (std::size_t c = 0; c < cameras; ++c)
-      if (!exchanged[c] && std::isfinite(of[c][c])) flips(c, active[c], of[c][c]);
-  }
-
-  void flips(std::size_t c, const std::vector<cv::Mat>& active, double own) {
-    double best = own + 2.0 * kClearGain;
-    const char* fault = nullptr;
-    std::string what;
-    for (const auto& [code, slug, words] : {std::tuple(1, faults::kMirrored, "mirrored left to right"),
-                                            std::tuple(0, faults::kMirrored, "mirrored top to bottom"),
-                                            std::tuple(-1, faults::kUpsideDown, "turned by 180 degrees")})
-      if (const double value = contrast(flipped(active, code), footage_[c].small_instants, c); value > best) {
-        best = value;
-        fault = slug;
-        what = words;
-      }
-    if (fault)
-      add(c, fault, Severity::fault,
-          fmt::format(
-              "what moves in its video is not where the keypoints are (contrast {:.2f}, {:.2f} after the correction)",
-              own, best),
-          fmt::format("The video is {} against the keypoints. Flip it back.", what));
-  }
-
   const Sightings& seen_;
-  const RigExamination* rig_;
   const SequenceFootage& footage_;
   std::vector<Finding>& findings_;
 };
@@ -343,7 +239,10 @@ class ImageJudge {
 
 void examine_images(const Sightings& seen, const RigExamination* rig, const std::vector<SequenceFootage>& footage,
                     std::vector<Finding>& findings) {
-  for (const SequenceFootage& sequence : footage) ImageJudge(seen, rig, sequence, findings).judge();
+  for (const SequenceFootage& sequence : footage) {
+    const bool by_keypoints = examine_activity(seen, rig, sequence, findings);
+    ImageJudge(seen, sequence, findings).judge(by_keypoints);
+  }
 }
 
 }  // namespace doppel

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
+#include "doppel/core/path_pattern.h"
 #include "doppel/data/capture/mask_source.h"
 #include "doppel/data/capture/video.h"
 #include "doppel/data/doctor/statistics.h"
@@ -141,13 +143,14 @@ class FootageReading {
     const FrameClock clock = capture_.clock(entry_, camera.name);
     open(camera);
     for (const int instant : instants_) {
-      if (!found_.error.empty() && !found_.mask_error.empty()) break;
+      if (stopped_ && !found_.mask_error.empty()) break;
       const long row = seen_.instants[instant].row, frame = clock.frame(row);
       if (frame < 0) continue;
       ImageFacts facts;
       facts.row = row;
       facts.after_previous = !found_.images.empty() && found_.images.back().row == row - 1;
       const cv::Mat image = read_image(frame), mask = read_mask(frame, image);
+      if (image.empty()) small_before_.release();
       if (image.empty() && mask.empty()) continue;
       if (!mask.empty()) measure_mask(instant, mask, facts);
       if (!image.empty()) measure_image(instant, image, mask, facts);
@@ -162,10 +165,13 @@ class FootageReading {
     const int index = seen_.file_index[camera_];
     const long expected = instants_.empty() ? 0 : seen_.instants[instants_.back()].row + 1;
     try {
-      images_ = open_frames(capture_.source(entry_.videos, index, camera.name), PixelFormat::colour);
+      const std::string source = capture_.source(entry_.videos, index, camera.name);
+      per_image_ = has_frame_placeholder(source) || std::filesystem::is_directory(source);
+      images_ = open_frames(source, PixelFormat::colour);
       found_.frames = images_->num_frames(expected);
     } catch (const Error& error) {
       found_.error = error.what();
+      stopped_ = true;
     }
     if (!entry_.has_masks()) {
       found_.mask_error = "none";
@@ -186,11 +192,13 @@ class FootageReading {
   }
 
   cv::Mat read_image(long frame) {
-    if (!found_.error.empty() || (found_.frames >= 0 && frame >= found_.frames)) return {};
+    if (stopped_ || (found_.frames >= 0 && frame >= found_.frames)) return {};
     try {
       return images_->read(frame);
     } catch (const Error& error) {
-      found_.error = error.what();
+      if (found_.error.empty()) found_.error = error.what();
+      found_.missing_images += per_image_;
+      stopped_ = !per_image_;
       return {};
     }
   }
@@ -348,6 +356,8 @@ class FootageReading {
   const RigExamination* rig_;
   std::vector<int> instants_;
   std::unique_ptr<FrameReader> images_;
+  bool per_image_ = false;  ///< files per frame: one that is missing does not hide the next
+  bool stopped_ = false;    ///< no further image can be read
   std::optional<MaskSource> masks_;
   cv::Mat small_before_, mask_before_, mask_two_before_;
   FootageExamination found_;

@@ -1,25 +1,26 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "doppel/data/capture/capture.h"
-#include "doppel/data/doctor/rig_examination.h"
 #include "doppel/data/capture/mask_values.h"
+#include "doppel/data/doctor/rig_examination.h"
 
 namespace doppel {
 
-/// What was measured in one image, and in its mask.
+/// What was measured in one image, and in its mask. Light is NaN where there is no image, or no person in it.
 struct ImageFacts {
   long row = 0;
   bool after_previous = false;   ///< the entry before is the row before
-  double exposure = 0.0;         ///< mean of the linear light on the person, as its logarithm to base 2 (stops)
-  double scene_exposure = 0.0;   ///< the same of the image around the person
-  double red = 0.0, blue = 0.0;  ///< on the person: log2 of red/green and blue/green, linear light
-  double scene_red = 0.0, scene_blue = 0.0;
+  double exposure = NAN;         ///< mean of the linear light on the person, as its logarithm to base 2 (stops)
+  double scene_exposure = NAN;   ///< the same of the image around the person
+  double red = NAN, blue = NAN;  ///< on the person: log2 of red/green and blue/green, linear light
+  double scene_red = NAN, scene_blue = NAN;
   double overexposed = 0.0;       ///< share of the person's pixels at the brightest values
   double edge_width = -1.0;       ///< sigma of the sharpest edges, pixels; -1: not measured
   double change = -1.0;           ///< mean difference from the image before, grey levels of 255; -1: none

@@ -185,7 +185,8 @@ class SightingsReader {
       const Camera& camera = seen_.cameras[c];
       try {
         const std::string source = capture_.source(sequence.keypoints, seen_.file_index[c], camera.name);
-        readers[c] = std::make_shared<KeypointSource>(source, *layout_, keypoint_camera(camera, seen_.file_index[c]));
+        readers[c] = std::make_shared<KeypointSource>(source, *layout_, keypoint_camera(camera, seen_.file_index[c]),
+                                                      sequence.keypoint_offset_of(camera.name));
       } catch (const Error& error) {
         add_unreadable(camera, error, findings_);
       }
@@ -201,8 +202,9 @@ class SightingsReader {
     if (sequence.keypoints.empty() || !has_frame_placeholder(sequence.keypoints.sample()))
       return sequence.first_frame - 1;
     const std::string pattern = capture_.source(sequence.keypoints, seen_.file_index[0], seen_.cameras[0].name);
+    const long offset = sequence.keypoint_offset_of(seen_.cameras[0].name);
     long row = sequence.first_frame;
-    while (row < kMaxProbed && std::filesystem::exists(expand_pattern(pattern, 0, "", row))) ++row;
+    while (row < kMaxProbed && std::filesystem::exists(expand_pattern(pattern, 0, "", row + offset))) ++row;
     return row - 1;
   }
 
@@ -240,6 +242,7 @@ class SightingsReader {
       add_unreadable(seen_.cameras[c], error, findings_);
     }
     frames.resize(rows.size());
+    if (are_of_other_frames(*reader, c, rows, clock)) return add_people(frames, c, all);
     // The first and last rows may lie outside of the recording.
     const auto first = std::find(there.begin(), there.end(), true);
     const auto last = std::find(there.rbegin(), there.rend(), true).base();
@@ -251,6 +254,22 @@ class SightingsReader {
                                        capture_.sequences[s].name),
                            "Run the detector on all frames of this camera, or correct `keypoints` in capture.yaml."});
     add_people(frames, c, all);
+  }
+
+  /// A file that tells something, but of none of the frames.
+  bool are_of_other_frames(const KeypointSource& reader, std::size_t c, const std::vector<long>& rows,
+                           const FrameClock& clock) {
+    const auto range = reader.range();
+    if (!range || rows.empty()) return false;
+    const long first = clock.frame(rows.front()), last = clock.frame(rows.back());
+    if (range->first <= last && range->second >= first) return false;
+    findings_.push_back(
+        {seen_.cameras[c].name, faults::kNoKeypoints, Severity::fault,
+         fmt::format("its keypoints are of frames {} to {}, and frames {} to {} were examined", range->first,
+                     range->second, first, last),
+         "The numbers in the keypoint files are not those of the frames. If the files count from another frame, state "
+         "`keypoint_offset` in capture.yaml; else give them the numbers of the frames."});
+    return true;
   }
 
   void add_people(const std::vector<People>& frames, std::size_t c, std::vector<std::vector<SeenPerson>>& all) const {
