@@ -24,8 +24,8 @@ struct FoundVertical {
   std::optional<std::string> note, warning;
 };
 
-/// The rest pose decides together with the motion: where both stand along one axis, this is the vertical. A rest pose
-/// along y is the format's own, so a body that lies in the frames lies. Where the rest pose is no pose of a body, a
+/// The rest pose decides together with the motion: the axis along which it stands is the vertical, unless the frames are
+/// nearer to y. A rest pose along y is the format's own, so a body that lies in the frames lies. Where the rest pose is no pose of a body, a
 /// body that stands along z in the frames is taken as standing.
 FoundVertical vertical_of(const SourceStance& stance);
 

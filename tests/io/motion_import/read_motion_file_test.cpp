@@ -398,7 +398,7 @@ TEST_F(MarkerMotion, OfC3dThatStatesNoVerticalStands) {
 }
 
 /// Two people 3 m apart: the first lacks the right foot, the second stands in a T-pose.
-/// @param divider between the name of a person and that of a point
+/// @param anna what stands before the names of her points @param bert of his
 support::C3dWriter two_people(const std::string& anna, const std::string& bert) {
   const support::C3dWriter alone = c3d_file();
   support::C3dWriter file = alone;
