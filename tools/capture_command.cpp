@@ -1,5 +1,6 @@
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -8,7 +9,10 @@
 #include "command.h"
 #include "doppel/core/error.h"
 #include "doppel/data/capture/capture_cameras.h"
+#include "doppel/data/capture/filmed_sequence.h"
 #include "doppel/data/capture/find_capture.h"
+#include "doppel/data/capture/hold_out.h"
+#include "info_files.h"
 
 namespace doppel::tools {
 
@@ -50,14 +54,23 @@ void print_guess(const CaptureGuess& guess, const fs::path& written, std::size_t
   if (!written.empty()) fmt::print("written: {}\n", written.string());
 }
 
+bool holds_footage(const fs::path& folder) {
+  const fs::recursive_directory_iterator files(folder, fs::directory_options::skip_permission_denied);
+  return std::any_of(begin(files), end(files), [](const fs::directory_entry& file) { return is_footage(file.path()); });
+}
+
 int init(const InitArguments& arguments, const CommonOptions& common) {
   const fs::path folder = arguments.folder;
   if (!fs::is_directory(folder)) fail("{} is not a folder", folder.string());
   const fs::path out = arguments.out.empty() ? folder / "capture.yaml" : arguments.out;
   if (fs::exists(out) && !arguments.force)
     fail<UsageError>("{} exists; --force replaces it, --out FILE writes another file", out.string());
-  const CaptureGuess guess = guess_folder(folder);
+  CaptureGuess guess = guess_folder(folder);
   if (!guess.complete) {
+    // Without a calibration the footage has not been looked at.
+    if (guess.capture.calibration.empty() && !holds_footage(folder))
+      guess.missing.emplace_back(
+          "no videos and no images; put a video, or a folder of images, of each camera into the folder");
     print_guess(guess, {}, 0, common.json);
     fail("{}: no capture.yaml was written, because the calibration or the footage is missing (see above)",
          folder.string());
@@ -65,6 +78,71 @@ int init(const InitArguments& arguments, const CommonOptions& common) {
   write_capture(out, guess.capture, comments_of(guess));
   print_guess(guess, out, choose_cameras(read_capture(out)).cameras.size(), common.json);
   return 0;
+}
+
+constexpr char kAmendExample[] =
+    "Examples:\n"
+    "  doppel capture amend recordings/anna --calibration refined.yml --out refined.yaml\n"
+    "  doppel capture amend recordings/anna --hold-out --out takes.yaml";
+
+struct AmendArguments {
+  std::string capture, calibration, character, landmarks;
+  fs::path out;
+  bool hold_out = false;
+  HoldOutOptions shares;
+};
+
+/// The absolute path of a file that must exist.
+std::string existing(const std::string& option, const std::string& file) {
+  if (!fs::exists(file)) fail<UsageError>("{}: {} does not exist", option, file);
+  return fs::absolute(file).lexically_normal().string();
+}
+
+int amend(const AmendArguments& arguments, const CommonOptions& common) {
+  Capture capture = find_capture(arguments.capture);
+  if (fs::exists(arguments.out) && fs::weakly_canonical(arguments.out) == fs::weakly_canonical(capture.file))
+    fail<UsageError>("--out: {} is the capture that is read; choose another file", arguments.out.string());
+  if (!arguments.calibration.empty()) capture.calibration = existing("--calibration", arguments.calibration);
+  if (!arguments.character.empty()) capture.character = existing("--character", arguments.character);
+  if (!arguments.landmarks.empty()) capture.landmarks = existing("--landmarks", arguments.landmarks);
+  if (arguments.hold_out) capture = hold_out(capture, filmed_cameras(capture), arguments.shares);
+  write_capture(arguments.out, capture, {"Written by `doppel capture amend` from " + arguments.capture + "."});
+  nlohmann::ordered_json report{{"written", arguments.out.string()}, {"sequences", nlohmann::ordered_json::array()}};
+  for (const SequenceEntry& sequence : capture.sequences) {
+    report["sequences"].push_back({{"name", sequence.name},
+                                   {"split", to_string(sequence.split)},
+                                   {"first_frame", sequence.first_frame},
+                                   {"last_frame", sequence.last_frame ? nlohmann::ordered_json(*sequence.last_frame)
+                                                                      : nlohmann::ordered_json(nullptr)}});
+    if (!common.json)
+      fmt::print("{:<32} {:<10} rows {} to {}\n", sequence.name, to_string(sequence.split), sequence.first_frame,
+                 sequence.last_frame ? std::to_string(*sequence.last_frame) : "the end");
+  }
+  if (common.json) fmt::print("{}\n", report.dump(2));
+  return 0;
+}
+
+void add_amend(CLI::App& capture, const std::shared_ptr<AmendArguments>& arguments) {
+  CLI::App* app =
+      capture.add_subcommand("amend", "Write the description of a capture anew, with other files or splits");
+  app->fallthrough();
+  app->add_option("capture", arguments->capture, "Capture folder or capture.yaml")->required();
+  app->add_option("--out", arguments->out, "capture.yaml to write")->required();
+  app->add_option("--calibration", arguments->calibration, "Calibration to use instead of the capture's");
+  app->add_option("--character", arguments->character, "The .character file to use");
+  app->add_option("--landmarks", arguments->landmarks, "Placement file of the landmarks to use");
+  CLI::Option* hold_out = app->add_flag(
+      "--hold-out", arguments->hold_out,
+      "Keep back the end of each training take for validation and tests, where the capture has no such sequences");
+  app->add_option("--validation-share", arguments->shares.validation, "Share of a take's rows for validation")
+      ->needs(hold_out)
+      ->check(CLI::Range(0.0, 0.9))
+      ->capture_default_str();
+  app->add_option("--test-share", arguments->shares.test, "Share of a take's rows for tests")
+      ->needs(hold_out)
+      ->check(CLI::Range(0.0, 0.9))
+      ->capture_default_str();
+  app->footer(kAmendExample);
 }
 
 }  // namespace
@@ -80,7 +158,11 @@ Command add_capture(CLI::App& program) {
   init_app->add_flag("--force", arguments->force, "Replace the file if it exists");
   init_app->footer(kInitExample);
   app->footer("Example: doppel capture init recordings/anna");
-  return {app, [arguments](const CommonOptions& common) { return init(*arguments, common); }};
+  auto amended = std::make_shared<AmendArguments>();
+  add_amend(*app, amended);
+  return {app, [arguments, amended, init_app](const CommonOptions& common) {
+            return init_app->parsed() ? init(*arguments, common) : amend(*amended, common);
+          }};
 }
 
 }  // namespace doppel::tools

@@ -29,6 +29,7 @@ struct Command {
   std::vector<Command> subcommands{};  ///< with the common options of their own; without one of them, `run` runs
 };
 
+Command add_make(CLI::App& program);
 Command add_synth(CLI::App& program);
 Command add_calibrate(CLI::App& program);
 Command add_capture(CLI::App& program);

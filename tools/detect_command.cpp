@@ -42,7 +42,7 @@ struct DetectArguments {
   std::string source, model, network, config, layout;  ///< model empty: chosen by the number of cameras
   fs::path out;
   std::vector<double> person;
-  bool masks = false, raw_masks = false;
+  bool masks = false, raw_masks = false, keep_keypoints = false;
   std::optional<bool> mirror;  ///< nothing: as the model was chosen
 
   bool has_network() const { return !network.empty() || !config.empty(); }
@@ -280,7 +280,7 @@ std::optional<Json> detect(const DetectArguments& arguments, const CommonOptions
   finish_work(common, arguments.out, job.results());
   if (common.shard) return report;
   write_atomically(arguments.out / "detect.json", report.dump(2) + "\n");
-  write_detected_capture(arguments.source, arguments.out, report);
+  write_detected_capture(arguments.source, arguments.out, report, arguments.keep_keypoints);
   return report;
 }
 
@@ -323,6 +323,8 @@ Command add_detect(CLI::App& program) {
       "several cameras without --model)");
   app->add_flag("--masks", arguments->masks, "Also write masks: 255 on the person, 0 elsewhere");
   app->add_flag("--raw-masks", arguments->raw_masks, "With --masks: the network's probability of the person times 255");
+  app->add_flag("--keep-keypoints", arguments->keep_keypoints,
+                "The capture that is written keeps the keypoints that the capture has");
   app->add_option("--person", arguments->person,
                   "Of several people, follow the one whose hips are nearest to this pixel in the first frame (x y)")
       ->expected(2);

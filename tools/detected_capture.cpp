@@ -72,7 +72,7 @@ void check_detect_out(const fs::path& source, const fs::path& out) {
     fail<UsageError>("{} holds the capture itself; choose another folder with --out", out.string());
 }
 
-void write_detected_capture(const fs::path& source, const fs::path& out, const Json& report) {
+void write_detected_capture(const fs::path& source, const fs::path& out, const Json& report, bool keep_keypoints) {
   const std::optional<CaptureGuess> recognised = recognise_capture(source);
   if (!recognised) return;
   Capture capture = recognised->capture;
@@ -81,8 +81,9 @@ void write_detected_capture(const fs::path& source, const fs::path& out, const J
     const std::string keypoints = pattern_of(report, sequence.name, "keypoints", capture);
     const std::string joints = pattern_of(report, sequence.name, "joints3d", capture);
     const std::string masks = pattern_of(report, sequence.name, "masks", capture);
-    if (!keypoints.empty()) sequence.keypoints = keypoints;
-    found_points = found_points || !keypoints.empty();
+    const bool kept = keep_keypoints && capture.has_keypoints();
+    if (!keypoints.empty() && !kept) sequence.keypoints = keypoints;
+    found_points = found_points || (!keypoints.empty() && !kept);
     if (!joints.empty()) sequence.joints3d = joints;
     if (!masks.empty() && !sequence.has_masks()) sequence.masks = masks + "/{frame:06}.png";
   }

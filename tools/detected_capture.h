@@ -12,9 +12,9 @@ void check_detect_out(const std::filesystem::path& source, const std::filesystem
 
 /// Writes `out/capture.yaml`: the capture `source` with the files that were detected as keypoints and joints in space,
 /// and as masks where they were written and the sequence has none. Nothing is written for a source that is no capture.
-/// @param report that of `doppel detect`
+/// @param report that of `doppel detect` @param keep_keypoints whether keypoints of the capture stay
 void write_detected_capture(const std::filesystem::path& source, const std::filesystem::path& out,
-                            const nlohmann::ordered_json& report);
+                            const nlohmann::ordered_json& report, bool keep_keypoints = false);
 
 /// `doppel detect CAPTURE --out DIR [--masks]` (detect_command.cpp). @return false when the user stopped it
 bool detect_capture(const std::filesystem::path& capture, const std::filesystem::path& out, bool masks,

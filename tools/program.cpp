@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "command.h"
+#include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/core/isa_choice.h"
 #include "doppel/core/log.h"
@@ -48,7 +49,7 @@ class Program {
   Program() {
     app_.set_version_flag("--version", DOPPEL_VERSION);
     app_.require_subcommand(1);
-    commands_ = {add_synth(app_),    add_calibrate(app_), add_capture(app_), add_character(app_), add_prepare(app_),
+    commands_ = {add_make(app_), add_synth(app_),    add_calibrate(app_), add_capture(app_), add_character(app_), add_prepare(app_),
                  add_detect(app_),   add_doctor(app_),    add_track(app_),   add_train(app_),     add_adapt(app_),
                  add_evaluate(app_), add_merge(app_),     add_compare(app_), add_animate(app_),   add_export(app_),
                  add_view(app_),     add_info(app_)};
@@ -92,6 +93,27 @@ class Program {
     return text;
   }
 
+  /// What is wrong with a word that stands where a command should; empty when there is no such word.
+  std::string wrong_command(int argc, const char* const* argv) const {
+    const CLI::App* app = &app_;
+    std::string line = "doppel";
+    for (int i = 1; i < argc && argv[i][0] != '-'; ++i) {
+      const std::vector<const CLI::App*> commands = app->get_subcommands({});
+      const auto next = std::find_if(commands.begin(), commands.end(),
+                                     [&](const CLI::App* command) { return command->check_name(argv[i]); });
+      if (next == commands.end() && app->get_require_subcommand_min() > 0) {
+        std::vector<std::string> known;
+        for (const CLI::App* command : commands) known.push_back(command->get_name());
+        return fmt::format("`{} {}`: there is no such command{}; `{} --help` lists all", line, argv[i],
+                           nearest_word_hint(argv[i], known), line);
+      }
+      if (next == commands.end()) break;
+      app = *next;
+      line += std::string(" ") + argv[i];
+    }
+    return "";
+  }
+
   CLI::App& app() { return app_; }
   CommonOptions& common() { return common_; }
 
@@ -125,6 +147,10 @@ int parse_and_run(int argc, const char* const* argv) {
     program.app().exit(e);
     std::fputs(printable(program.hint()).c_str(), stderr);
     return 2;
+  } catch (const CLI::RequiredError& e) {
+    const std::string wrong = program.wrong_command(argc, argv);
+    if (!wrong.empty()) fail<UsageError>("{}", wrong);
+    return program.app().exit(e) == 0 ? 0 : 2;
   } catch (const CLI::ParseError& e) {
     return program.app().exit(e) == 0 ? 0 : 2;
   }

@@ -19,7 +19,14 @@ double seconds_between(std::chrono::steady_clock::time_point a, std::chrono::ste
   return std::chrono::duration<double>(b - a).count();
 }
 
+std::optional<ProgressChain>& progress_chain() {
+  static std::optional<ProgressChain> chain;
+  return chain;
+}
+
 }  // namespace
+
+void set_progress_chain(std::optional<ProgressChain> chain) { progress_chain() = std::move(chain); }
 
 std::string format_duration(double seconds) {
   const auto whole = static_cast<std::int64_t>(std::llround(std::max(0.0, seconds)));
@@ -69,7 +76,8 @@ void Progress::draw(bool last) {
            " left";
   }
 
-  std::string line = title_;
+  const std::optional<ProgressChain>& chain = progress_chain();
+  std::string line = chain ? chain->place + " " + title_ : title_;
   if (terminal_) {
     const auto filled = as_size(share * kBarWidth);
     line += " [" + std::string(filled, '=') + std::string(kBarWidth - filled, ' ') + "]";
@@ -77,6 +85,10 @@ void Progress::draw(bool last) {
   line += fmt::format(" {}/{} {:.0f}%", done_, total_, 100.0 * share);
   if (!time.empty()) line += " " + time;
   if (!note_.empty()) line += "  " + note_;
+  if (chain) {
+    const double step_left = std::max(0.0, chain->step_seconds - seconds_between(chain->begin, drawn_));
+    line += "  (whole chain: about " + format_duration(step_left + chain->later_seconds) + " left)";
+  }
 
   if (terminal_) {
     fmt::print(stderr, "\r\x1b[K{}{}", line, last ? "\n" : "");

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 namespace doppel {
@@ -28,6 +29,17 @@ class Progress {
   bool terminal_, finished_ = false;
   std::chrono::steady_clock::time_point start_, drawn_;
 };
+
+/// The place of the running job in a chain of jobs. While it is set, every Progress of the process shows it, and the
+/// time that the whole chain still takes.
+struct ProgressChain {
+  std::string place;           ///< before the title: "[3/11]"
+  double step_seconds = 0.0;   ///< what this job is expected to take
+  double later_seconds = 0.0;  ///< what the jobs after it are expected to take
+  std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();  ///< of this job
+};
+/// Sets the chain, or ends it with nothing. Not while a Progress lives.
+void set_progress_chain(std::optional<ProgressChain> chain);
 
 /// 95 -> "1:35", 4000 -> "1:06:40".
 std::string format_duration(double seconds);

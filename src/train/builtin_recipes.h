@@ -1,0 +1,12 @@
+#pragma once
+
+#include <span>
+
+#include "doppel/core/builtin_file.h"
+
+namespace doppel {
+
+/// The configurations that `doppel make` trains with.
+extern const std::span<const BuiltinFile> kBuiltinRecipes;
+
+}  // namespace doppel

@@ -1,0 +1,376 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+
+#include "command.h"
+#include "doppel/character/character.h"
+#include "doppel/character/character_folder.h"
+#include "doppel/character/motion.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/folder_lock.h"
+#include "doppel/core/log.h"
+#include "doppel/data/capture/filmed_sequence.h"
+#include "doppel/data/capture/find_capture.h"
+#include "make_chain.h"
+#include "make_recipe.h"
+#include "make_report.h"
+#include "shared_work.h"
+
+namespace doppel::tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr char kMakeExample[] =
+    "Examples:\n"
+    "  doppel make recordings/anna --out anna\n"
+    "  doppel make recordings/anna --out anna --minutes 20\n"
+    "  doppel make recordings/anna --out anna --stop-after track\n"
+    "FOLDER holds a video of each camera and a calibration of any known format (docs/calibration.md), and perhaps a "
+    "capture.yaml,\nkeypoints, masks, images of the empty scene, a character or a scan. Stopped or killed, the same "
+    "command goes on.";
+const std::vector<std::string> kSteps{"describe", "detect",  "doctor", "takes",    "fit",    "track",
+                                      "prepare",  "measure", "train",  "evaluate", "export", "animate"};
+
+struct MakeArguments {
+  fs::path folder, out;
+  std::string scan, stop_after;
+  double minutes = 60.0;
+  bool keep_going = false;
+};
+
+/// Pictures of all cameras and sequences, and what they are worth.
+struct FootageSize {
+  long frames = 0, train_frames = 0, cameras = 0;
+  int longer_side = 0;
+  double pictures() const { return static_cast<double>(frames * cameras); }
+};
+
+FootageSize size_of(const Capture& capture) {
+  const CaptureCameras filmed = filmed_cameras(capture);
+  FootageSize size;
+  size.cameras = static_cast<long>(filmed.cameras.size());
+  for (const Camera& camera : filmed.cameras)
+    size.longer_side = std::max({size.longer_side, camera.width, camera.height});
+  for (const SequenceEntry& sequence : capture.sequences) {
+    const RowRange rows = rows_of_sequence(capture, sequence, filmed);
+    size.frames += rows.last - rows.first + 1;
+    if (sequence.split == Split::train) size.train_frames += rows.last - rows.first + 1;
+  }
+  return size;
+}
+
+/// Guesses of a core of 2.4 GHz; MakeChain corrects them by the machine.
+std::vector<PlannedStep> plan_of(const FootageSize& size, double minutes) {
+  const double pictures = size.pictures(), frames = static_cast<double>(size.frames);
+  std::vector<PlannedStep> plan{{"describe", 1.0},
+                                {"detect", 0.3 * pictures},
+                                {"doctor", 20.0 + 0.01 * pictures},
+                                {"takes", 1.0},
+                                {"fit", 120.0},
+                                {"track", 0.05 * frames * static_cast<double>(size.cameras)},
+                                {"prepare", 0.02 * pictures},
+                                {"measure", 60.0}};
+  double before = 0.0;
+  for (const PlannedStep& step : plan) before += step.seconds;
+  plan.push_back({"train", std::max(0.5 * minutes * 60.0, 60.0 * minutes - before)});
+  plan.push_back({"evaluate", 60.0});
+  plan.push_back({"export", 15.0});
+  plan.push_back({"animate", 60.0});
+  return plan;
+}
+
+/// The chain of commands from a folder of footage to an actor.
+class Make {
+ public:
+  Make(const MakeArguments& arguments, const CommonOptions& common) : arguments_(arguments), common_(common) {
+    fs::create_directories(arguments_.out);
+    const std::optional<CaptureGuess> recognised = recognise_capture(arguments_.folder);
+    described_ = recognised.has_value();
+    capture_ = described_ ? arguments_.folder.string() : out("capture.yaml");
+    const CaptureGuess guess = recognised ? *recognised : guess_folder(arguments_.folder);
+    if (!guess.complete) fail_incomplete(guess);
+    size_ = size_of(guess.capture);
+    std::vector<std::string> inputs = capture_inputs(guess.capture);
+    inputs.push_back(fmt::format("--minutes {}", arguments_.minutes));
+    chain_.emplace(arguments_.out, common, std::move(inputs), plan_of(size_, arguments_.minutes));
+  }
+
+  /// @return whether all steps were run
+  bool run() {
+    using Step = void (Make::*)();
+    const std::array<std::pair<const char*, Step>, 12> steps{{{"describe", &Make::describe},
+                                                              {"detect", &Make::detect},
+                                                              {"doctor", &Make::examine},
+                                                              {"takes", &Make::divide},
+                                                              {"fit", &Make::find_body},
+                                                              {"track", &Make::track},
+                                                              {"prepare", &Make::prepare},
+                                                              {"measure", &Make::measure_speed},
+                                                              {"train", &Make::train},
+                                                              {"evaluate", &Make::evaluate},
+                                                              {"export", &Make::export_actor},
+                                                              {"animate", &Make::animate}}};
+    for (const auto& [name, step] : steps) {
+      (this->*step)();
+      if (arguments_.stop_after == name) return &step == &steps.back().second;
+    }
+    return true;
+  }
+
+  /// What was made, for --json. Also writes `report.html`.
+  Json finish(bool complete) {
+    Json report{{"out", arguments_.out.string()},
+                {"complete", complete},
+                {"seconds", chain_->seconds()},
+                {"steps", chain_->steps()}};
+    for (const char* file : {"actor.pt", "actor.glb", "evaluation.json"})
+      if (complete) report["files"][file] = out(file);
+    write_make_report(arguments_.out, arguments_.folder.filename().string(), chain_->steps(), results_);
+    report["report"] = out("report.html");
+    return report;
+  }
+
+ private:
+  std::string out(const std::string& name) const { return (arguments_.out / name).string(); }
+
+  [[noreturn]] void fail_incomplete(const CaptureGuess& guess) const {
+    for (const std::string& sentence : guess.missing) fmt::print(stderr, "missing: {}\n", sentence);
+    fail("{} is not enough for an actor: calibration or footage is missing (see above)", arguments_.folder.string());
+  }
+
+  Json step(const std::string& name, const std::vector<std::string>& words, int failing = 0) {
+    return results_[name] = chain_->run(name, words, failing);
+  }
+
+  void describe() {
+    if (!described_)
+      step("describe", {"capture", "init", arguments_.folder.string(), "--out", out("capture.yaml"), "--force"});
+  }
+
+  void detect() {
+    const Capture capture = find_capture(capture_);
+    const bool points = !capture.has_keypoints();
+    const bool masks = std::any_of(capture.sequences.begin(), capture.sequences.end(),
+                                   [](const SequenceEntry& sequence) { return !sequence.has_masks(); });
+    if (!points && !masks) return chain_->skip("detect", "the folder has keypoints and masks");
+    std::vector<std::string> words{"detect", capture_, "--out", out("detected")};
+    if (masks) words.push_back("--masks");
+    if (!points) words.push_back("--keep-keypoints");
+    step("detect", words);
+    capture_ = out("detected/capture.yaml");
+  }
+
+  /// The names of the faults in what `doctor` has printed.
+  static std::set<std::string> faults_of(const Json& examination) {
+    std::set<std::string> faults;
+    for (const Json& finding : examination.at("findings"))
+      if (finding.at("severity") == "fault") faults.insert(finding.at("fault").get<std::string>());
+    return faults;
+  }
+
+  void examine() {
+    Json found = step("doctor", {"doctor", capture_, "--out", out("doctor.html")}, 1);
+    if (found.at("verdict") == "faulty") found = mend(found);
+    if (found.at("verdict") != "faulty") return;
+    for (const Json& finding : found.at("findings"))
+      fmt::print(stderr, "{}: {}{}: {}\n    {}\n", finding.at("severity").get<std::string>(),
+                 finding.at("camera").is_string() ? "camera " + finding["camera"].get<std::string>() + ": " : "",
+                 finding.at("fault").get<std::string>(), finding.at("figure").get<std::string>(),
+                 finding.at("advice").get<std::string>());
+    if (arguments_.keep_going) return log::warn("the recording is faulty; --keep-going goes on");
+    fail(
+        "the recording is faulty (see above, and {}); mend it and run the same command with a new --out, or add "
+        "--keep-going",
+        out("doctor.html"));
+  }
+
+  /// Mends what `calibrate sync` and `calibrate refine` can mend, and keeps the result if it has fewer faults.
+  /// @return what `doctor` says of the capture that is kept
+  Json mend(const Json& found) {
+    const std::set<std::string> faults = faults_of(found);
+    std::string mended = capture_;
+    if (faults.count("out_of_sync") + faults.count("rolling_offset") > 0) {
+      std::vector<std::string> words{"calibrate", "sync", mended, "--out", out("synced.yaml")};
+      if (faults.count("rolling_offset") > 0) words.push_back("--drift");
+      step("sync", words);
+      mended = out("synced.yaml");
+    }
+    if (faults.count("moved_camera") + faults.count("focal_length") > 0) {
+      std::vector<std::string> words{"calibrate", "refine", mended, "--out", out("refined.yml")};
+      if (faults.count("focal_length") > 0) words.push_back("--focal");
+      step("refine", words);
+      step("refined", {"capture", "amend", mended, "--calibration", out("refined.yml"), "--out", out("refined.yaml")});
+      mended = out("refined.yaml");
+    }
+    if (mended == capture_) return found;
+    Json after = step("doctor_mended", {"doctor", mended, "--out", out("doctor_mended.html")}, 1);
+    if (faults_of(after).size() >= faults.size()) return found;
+    capture_ = mended;
+    return after;
+  }
+
+  void divide() {
+    step("takes", {"capture", "amend", capture_, "--hold-out", "--out", out("takes.yaml")});
+    capture_ = out("takes.yaml");
+  }
+
+  void find_body() {
+    if (!find_capture(capture_).character.empty()) return chain_->skip("fit", "the folder has a character");
+    if (arguments_.scan.empty()) {
+      step("fit", {"character", "fit", capture_, "--out", out("character")});
+      track_config_ = out("character/track.yaml");
+      capture_ = out("character/capture.yaml");
+      return;
+    }
+    step("fit", {"character", "create", arguments_.scan, "--out", out("character")});
+    step("body",
+         {"capture", "amend", capture_, "--character", out("character/actor.character"), "--out", out("body.yaml")});
+    capture_ = out("body.yaml");
+    place_landmarks_ = true;
+  }
+
+  void track() {
+    const Capture capture = find_capture(capture_);
+    const bool posed = std::all_of(capture.sequences.begin(), capture.sequences.end(),
+                                   [](const SequenceEntry& sequence) { return !sequence.motion.empty(); });
+    if (posed) return chain_->skip("track", "the folder has the motion of every sequence");
+    std::vector<std::string> words{"track", capture_, "--out", out("tracked")};
+    if (!track_config_.empty()) words.insert(words.end(), {"--config", track_config_});
+    if (place_landmarks_) words.push_back("--place-landmarks");
+    step("track", words);
+    capture_ = out("tracked");
+  }
+
+  void prepare() {
+    const bool large = size_.longer_side >= 700;
+    step("prepare", {"prepare", capture_, "--out", out("prepared"), "--mask-size", large ? "700" : "350",
+                     "--image-size", large ? "512" : "256", "--overwrite"});
+  }
+
+  std::vector<std::string> training(const std::string& folder, const std::vector<std::string>& settings) const {
+    std::vector<std::string> words{"train", out("recipe.yaml"), "--set", "capture=" + out("prepared")};
+    for (const std::string& setting : settings) words.insert(words.end(), {"--set", setting});
+    words.insert(words.end(), {"--out", out(folder)});
+    return words;
+  }
+
+  /// Trains a few steps of each stage, which tells how many fit into the time.
+  void measure_speed() {
+    constexpr int kTried = 20;
+    write_atomically(out("recipe.yaml"), recipe_text());
+    std::vector<std::string> settings;
+    for (const auto& [stage, steps] : recipe_steps())
+      settings.push_back(fmt::format("{}.train.iterations={}", stage, kTried));
+    std::vector<std::string> words = training("speed", settings);
+    words.push_back("--overwrite");
+    const Json measured = step("measure", words);
+    for (const auto& [stage, summary] : measured.at("stages").items())
+      seconds_per_step_[stage] = summary.at("seconds").get<double>() / kTried;
+  }
+
+  void train() {
+    // Evaluation, export and film take about a tenth.
+    const double budget =
+        std::max(0.9 * 60.0 * arguments_.minutes - chain_->seconds(), 0.25 * 60.0 * arguments_.minutes);
+    step("train", training("run", fit_recipe(seconds_per_step_, size_of(find_capture(capture_)).train_frames, budget)));
+  }
+
+  void evaluate() {
+    step("evaluate", {"evaluate", "--run", out("run"), "--split", "test", "--every",
+                      std::to_string(std::max(1L, size_.frames / 200))});
+    write_atomically(out("evaluation.json"), read_file(arguments_.out / "run" / "evaluation.json"));
+  }
+
+  void export_actor() { step("export", {"export", "--run", out("run"), "--out", out("actor.pt")}); }
+
+  /// The rows of the first test sequence, which no stage was trained on.
+  std::string unseen_motion() const {
+    const Capture capture = find_capture(capture_);
+    const auto test = std::find_if(capture.sequences.begin(), capture.sequences.end(),
+                                   [](const SequenceEntry& sequence) { return sequence.split == Split::test; });
+    if (test == capture.sequences.end()) fail("{} has no test sequence to film", capture_);
+    const Character character = load_character(capture.character_path());
+    Motion motion = read_motion(capture.resolve(test->motion), character.num_dofs());
+    const RowRange rows = rows_of_sequence(capture, *test, filmed_cameras(capture));
+    Motion cut;
+    for (long row = rows.first; row <= std::min<long>(rows.last, motion.num_frames() - 1); ++row) {
+      cut.frames.push_back(motion.frames[static_cast<std::size_t>(row)]);
+      cut.ids.push_back(row - rows.first);
+    }
+    const std::string file = out("unseen.motion");
+    write_motion(file, cut, true);
+    return file;
+  }
+
+  void animate() {
+    step("animate", {"animate", "--run", out("run"), "--motion", unseen_motion(), "--format", "mp4,glb", "--out",
+                     out("animation")});
+    fs::copy_file(arguments_.out / "animation" / "animation.glb", arguments_.out / "actor.glb",
+                  fs::copy_options::overwrite_existing);
+    const Capture capture = find_capture(capture_);
+    const fs::path character = capture.character_path();
+    if (!fs::exists(arguments_.out / "character"))
+      fs::copy(character.parent_path(), arguments_.out / "character", fs::copy_options::recursive);
+  }
+
+  MakeArguments arguments_;
+  const CommonOptions& common_;
+  bool described_ = false, place_landmarks_ = false;
+  std::string capture_, track_config_;
+  FootageSize size_;
+  std::optional<MakeChain> chain_;
+  std::map<std::string, double> seconds_per_step_;
+  Json results_ = Json::object();
+};
+
+int run_make(const MakeArguments& arguments, const CommonOptions& common) {
+  if (!fs::is_directory(arguments.folder)) fail<UsageError>("{} is not a folder", arguments.folder.string());
+  if (!arguments.scan.empty() && !fs::exists(arguments.scan))
+    fail<UsageError>("--scan: {} does not exist", arguments.scan);
+  const FolderLock lock(arguments.out);
+  Make make(arguments, common);
+  try {
+    const Json report = make.finish(make.run());
+    if (common.json) {
+      fmt::print("{}\n", report.dump(2));
+    } else {
+      for (const Json& step : report["steps"]) fmt::print("{}\n", step["command"].get<std::string>());
+      fmt::print("report: {}\n", report["report"].get<std::string>());
+    }
+    return 0;
+  } catch (const StepFailed& failed) {
+    return failed.exit_code;
+  }
+}
+
+}  // namespace
+
+Command add_make(CLI::App& program) {
+  auto arguments = std::make_shared<MakeArguments>();
+  CLI::App* app = program.add_subcommand("make", "Make an actor from a folder of videos and a calibration: all steps");
+  app->add_option("folder", arguments->folder, "Folder with the footage")->required();
+  app->add_option("--out", arguments->out, "Folder to write into")->required();
+  app->add_option("--minutes", arguments->minutes,
+                  "Time for the whole chain; training gets what the steps before leave")
+      ->check(CLI::Range(1.0, 100000.0))
+      ->capture_default_str();
+  app->add_option("--scan", arguments->scan,
+                  "A scan of the person, from which the character is made (default: from the videos)");
+  app->add_option("--stop-after", arguments->stop_after, "The last step to run")->check(CLI::IsMember(kSteps));
+  app->add_flag("--keep-going", arguments->keep_going, "Go on when `doppel doctor` finds a fault");
+  app->footer(kMakeExample);
+  return {app, [arguments](const CommonOptions& common) { return run_make(*arguments, common); }};
+}
+
+}  // namespace doppel::tools
