@@ -2,7 +2,8 @@
 
 #include <vector>
 
-#include "doppel/data/doctor/image_examination.h"
+#include "doppel/data/doctor/finding.h"
+#include "doppel/data/doctor/image_facts.h"
 
 namespace doppel {
 

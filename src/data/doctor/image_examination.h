@@ -7,9 +7,6 @@
 
 namespace doppel {
 
-/// All cameras of one sequence.
-using SequenceFootage = std::vector<FootageExamination>;  ///< [C]
-
 /// Compares the images of each camera with those of the other cameras: exposure, white balance, sharpness, lost and
 /// doubled frames, and whether the person moves where the keypoints are.
 /// @param footage [sequences]

@@ -52,6 +52,9 @@ struct FootageExamination {
   std::vector<int> small_instants;
 };
 
+/// All cameras of one sequence.
+using SequenceFootage = std::vector<FootageExamination>;  ///< [C]
+
 /// Reads the images and masks of one camera in the rows of the sightings, and measures them.
 /// @param rig nothing: no consensus, so the projected body is not compared with masks
 FootageExamination examine_footage(const Capture& capture, int sequence, const Sightings& seen, int camera,
