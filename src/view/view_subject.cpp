@@ -187,7 +187,9 @@ ViewSubject open_view_subject(const fs::path& target, const ViewOptions& options
 Motion motion_for(const ViewSubject& subject, const fs::path& file) {
   MotionFileOptions wanted;
   wanted.frames_per_second = subject.frames_per_second;
-  return read_motion_file(file, subject.character, wanted).motion;
+  MotionFromFile read = read_motion_file(file, subject.character, wanted);
+  for (const std::string& warning : read.warnings) log::warn("{}: {}", file.string(), warning);
+  return std::move(read.motion);
 }
 
 }  // namespace doppel

@@ -24,9 +24,9 @@ struct FoundVertical {
   std::optional<std::string> note, warning;
 };
 
-/// The rest pose decides together with the motion: the axis along which it stands is the vertical, unless the frames are
-/// nearer to y. A rest pose along y is the format's own, so a body that lies in the frames lies. Where the rest pose is no pose of a body, a
-/// body that stands along z in the frames is taken as standing.
+/// The rest pose decides together with the motion: the axis along which it stands is the vertical, unless the frames
+/// are nearer to y. A rest pose along y is the format's own, so a body that lies in the frames lies. Where the rest
+/// pose is no pose of a body, a body that stands along z in the frames is taken as standing.
 FoundVertical vertical_of(const SourceStance& stance);
 
 /// Turns the frames so that an axis becomes y. The rest pose may stand along any axis.
