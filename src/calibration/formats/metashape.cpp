@@ -1,6 +1,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <map>
 #include <set>
 
 #include "doppel/calibration/formats/camera_parts.h"
@@ -19,6 +20,15 @@ struct MetashapeTransform {
   double scale = 1;
 };
 
+/// A rigid pose: x -> centre + R x.
+struct MetashapePose {
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+
+  MetashapePose operator*(const MetashapePose& inner) const { return {R * inner.R, centre + R * inner.centre}; }
+  MetashapePose inverse() const { return {R.transpose(), -(R.transpose() * centre)}; }
+};
+
 /// The child element of a list with this id.
 pugi::xml_node metashape_item(const pugi::xml_node& list, const char* name, const std::string& id) {
   for (const pugi::xml_node& item : list.children(name))
@@ -35,7 +45,8 @@ class MetashapeReader {
       if (chunk.child("cameras") && !chunk_) chunk_ = chunk;
     if (!chunk_)
       fail_at({file_.path().string(), 0}, "reading a camera calibration: the file has no <chunk> with <cameras>");
-    read_cameras(chunk_.child("cameras"), 0);
+    find_cameras(chunk_.child("cameras"), 0);
+    for (const pugi::xml_node& node : cameras_) read_camera(node);
     note_left_out();
     if (calibration_.cameras.empty())
       fail_at({file_.path().string(), 0}, "reading a camera calibration: the file has no camera that can be used{}{}",
@@ -46,25 +57,42 @@ class MetashapeReader {
   }
 
  private:
-  void read_cameras(const pugi::xml_node& list, int depth) {
+  /// All cameras, also those of groups. A camera may stand before its master.
+  void find_cameras(const pugi::xml_node& list, int depth) {
     for (const pugi::xml_node& node : list.children()) {
-      if (std::string_view(node.name()) == "camera") read_camera(node);
-      if (std::string_view(node.name()) == "group" && depth < kMetashapeMaxGroups) read_cameras(node, depth + 1);
+      if (std::string_view(node.name()) == "group" && depth < kMetashapeMaxGroups) find_cameras(node, depth + 1);
+      if (std::string_view(node.name()) != "camera") continue;
+      cameras_.push_back(node);
+      by_id_.emplace(XmlPart(file_, node, "a camera").text_or("id", ""), node);
     }
   }
 
   void read_camera(const pugi::xml_node& node) {
     const XmlPart named(file_, node, "a camera");
     const XmlPart part(file_, node, "camera " + named.text("label"));
-    if (!part.has_child("transform")) {
+    const XmlPart posed = camera_with_pose(part);
+    if (!posed.has_child("transform")) {
       ++not_aligned_;
+      return;
+    }
+    if (posed.node() != node && !has_offset(sensor_of(part))) {
+      ++without_offset_;
       return;
     }
     Camera camera;
     camera.name = unique_name(named.text("label"), part);
     if (!read_sensor(part, camera)) return;
-    read_pose(part, camera);
+    read_pose(part, posed, camera);
     calibration_.cameras.push_back(camera);
+  }
+
+  /// The camera itself or, in a rig, the master that has the pose.
+  XmlPart camera_with_pose(const XmlPart& part) const {
+    if (part.has_child("transform") || !part.has("master_id")) return part;
+    const auto master = by_id_.find(part.text("master_id"));
+    if (master == by_id_.end())
+      part.fail_here("its master_id is {}, but there is no <camera> with this id", part.text("master_id"));
+    return {file_, master->second, part.what() + ": its master"};
   }
 
   /// Photos of different folders may have the same label.
@@ -76,13 +104,28 @@ class MetashapeReader {
     return name;
   }
 
-  /// Whether the camera can be used.
-  bool read_sensor(const XmlPart& part, Camera& camera) {
+  XmlPart sensor_of(const XmlPart& part) const {
     const pugi::xml_node node = metashape_item(chunk_.child("sensors"), "sensor", part.text("sensor_id"));
     if (!node) part.fail_here("there is no <sensor> with the id {}", part.text("sensor_id"));
-    pugi::xml_node calibration = node.find_child_by_attribute("calibration", "class", "adjusted");
-    if (!calibration) calibration = node.child("calibration");
-    const XmlPart sensor(file_, node, part.what()), values(file_, calibration, part.what());
+    return {file_, node, part.what()};
+  }
+
+  static bool has_offset(const XmlPart& sensor) { return sensor.has("rotation") || sensor.has("location"); }
+
+  /// The pose of a sensor in its rig.
+  static MetashapePose offset_of(const XmlPart& sensor) {
+    MetashapePose pose;
+    if (sensor.has("rotation")) pose.R = repaired_rotation(matrix_from_rows(sensor.numbers("rotation", 9)));
+    if (sensor.has("location")) pose.centre = Eigen::Vector3d(sensor.numbers("location", 3).data());
+    return pose;
+  }
+
+  /// Whether the camera can be used.
+  bool read_sensor(const XmlPart& part, Camera& camera) {
+    const XmlPart sensor = sensor_of(part);
+    pugi::xml_node calibration = sensor.node().find_child_by_attribute("calibration", "class", "adjusted");
+    if (!calibration) calibration = sensor.node().child("calibration");
+    const XmlPart values(file_, calibration, part.what());
     const std::string type = values.text_or("type", sensor.text_or("type", "frame"));
     if (!calibration || (type != "frame" && type != "fisheye")) {
       ++other_sensor_;
@@ -116,13 +159,16 @@ class MetashapeReader {
     set_distortion(camera, Lens::fisheye, k, values.where());
   }
 
-  void read_pose(const XmlPart& part, Camera& camera) {
-    const std::vector<double> m = part.numbers("transform", 16);
+  /// @param posed the camera that has the pose: the camera itself or its master
+  void read_pose(const XmlPart& part, const XmlPart& posed, Camera& camera) {
+    const std::vector<double> m = posed.numbers("transform", 16);
     const double rows[9] = {m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]};
-    const MetashapeTransform world = world_of(part);
-    const Eigen::Matrix3d world_from_camera = world.R * repaired_rotation(matrix_from_rows(rows));
-    const Eigen::Vector3d centre(m[3], m[7], m[11]);
-    set_pose_at(camera, world_from_camera.transpose(), world.translation + world.scale * (world.R * centre));
+    MetashapePose pose{repaired_rotation(matrix_from_rows(rows)), {m[3], m[7], m[11]}};
+    // The master's sensor has an offset of its own when the rig is built around another camera.
+    if (posed.node() != part.node()) pose = pose * offset_of(sensor_of(posed)).inverse() * offset_of(sensor_of(part));
+    const MetashapeTransform world = world_of(posed);
+    const Eigen::Matrix3d world_from_camera = world.R * pose.R;
+    set_pose_at(camera, world_from_camera.transpose(), world.translation + world.scale * (world.R * pose.centre));
   }
 
   /// The transform of the chunk; if it has none, that of the component the camera belongs to.
@@ -159,14 +205,18 @@ class MetashapeReader {
       if (count > 0) calibration_.notes.emplace_back(fmt::format(fmt::runtime(sentence), count));
     };
     note(not_aligned_, "{} cameras that are not aligned were left out");
+    note(without_offset_,
+         "{} cameras of a rig were left out, because their sensors have no <rotation> and <location> from the master");
     note(other_sensor_, "{} cameras whose sensors are neither \"frame\" nor \"fisheye\" were left out");
     note(renamed_, "{} cameras with the label of another camera got their id after the label");
   }
 
   XmlFile file_;
   pugi::xml_node chunk_;
+  std::vector<pugi::xml_node> cameras_;
+  std::map<std::string, pugi::xml_node> by_id_;
   std::set<std::string> names_;
-  int not_aligned_ = 0, other_sensor_ = 0, renamed_ = 0, without_world_ = 0;
+  int not_aligned_ = 0, without_offset_ = 0, other_sensor_ = 0, renamed_ = 0, without_world_ = 0;
   Calibration calibration_;
 };
 
@@ -174,7 +224,9 @@ class MetashapeReader {
 ///
 /// <transform> of a camera leads from the camera (axes x right, y down, z forward) to the chunk, that of the chunk (or
 /// of the component, when the chunk has none) from there to the world, with a scale: X = translation + scale R x. With
-/// a scale lengths are metres. cx and cy are offsets from the centre of the image, b1 is added to f for the horizontal
+/// a scale lengths are metres. In a rig (a multi-camera system) the other cameras have the `master_id` of the camera
+/// that has the pose, and their sensors <rotation> and <location> from the camera to the master, in the unit of the
+/// chunk. cx and cy are offsets from the centre of the image, b1 is added to f for the horizontal
 /// focal length, b2 is the skew, and missing values are 0. The radial polynomial has four coefficients; p1 and p2 stand
 /// in the other order than with OpenCV.
 class MetashapeCalibration : public CalibrationFormat {

@@ -494,6 +494,69 @@ TEST(Metashape, CamerasThatAreNotAlignedAreCountedAndLabelsBecomeUnique) {
   EXPECT_THAT(found.notes, Contains(HasSubstr("1 cameras with the label of another")));
 }
 
+/// A rig: the master with the pose has the sensor 3, the other camera the sensor 4 with this offset.
+std::string metashape_rig(const std::string& cameras, const std::string& offset, const std::string& of_master = "") {
+  const std::string file = metashape_file(cameras);
+  const std::string sensor = file.substr(file.find("<sensor id"), file.find("</sensors>") - file.find("<sensor id"));
+  const std::string other =
+      replaced(replaced(sensor, "id=\"3\"", "id=\"4\" master_id=\"3\""), "</sensor>", offset + "</sensor>");
+  return replaced(replaced(file, "</sensor>", of_master + "</sensor>"), "</sensors>", other + "</sensors>");
+}
+// A quarter turn about the master's z: x of the camera is y of the master. The camera is 2 to the right, 3 ahead.
+constexpr const char* kMetashapeOffset =
+    "<rotation locked=\"true\">0 -1 0 1 0 0 0 0 1</rotation><location locked=\"true\">2 0 3</location>";
+constexpr const char* kMetashapeSlave = "<camera id=\"1\" sensor_id=\"4\" master_id=\"0\" label=\"slave\"/>\n";
+
+TEST(Metashape, ACameraOfARigHasThePoseOfItsMasterTimesThatOfItsSensor) {
+  const std::string master = metashape_camera(0, "left", kMetashapePose);
+  // The master's right is +x of the chunk, its view +y: the centre in the chunk is (1, 2, 3) + (2, 3, 0). The chunk
+  // turns x to y and y to -x, and doubles: (10, 20, 30) + 2 (-5, 3, 3).
+  for (const std::string& cameras : {master + kMetashapeSlave, kMetashapeSlave + master,
+                                     kMetashapeSlave + ("<group id=\"0\">" + master + "</group>")}) {
+    const Calibration found = read_text(make_metashape_calibration, metashape_rig(cameras, kMetashapeOffset));
+    EXPECT_THAT(found.notes, IsEmpty());
+    ASSERT_EQ(found.cameras.size(), 2u);
+    const Camera& camera = found.cameras[found.cameras[0].name == "slave" ? 0 : 1];
+    EXPECT_EQ(camera.name, "slave");
+    EXPECT_LT((camera.centre() - Eigen::Vector3d(0, 26, 36)).norm(), 1e-12);
+    // The view stays; the camera's x is the master's y, which is down.
+    EXPECT_LT((camera.R.row(2).transpose() - Eigen::Vector3d(-1, 0, 0)).norm(), 1e-12);
+    EXPECT_LT((camera.R.row(0).transpose() - Eigen::Vector3d(0, 0, -1)).norm(), 1e-12);
+  }
+}
+
+TEST(Metashape, APoseOfItsOwnIsTakenAlsoInARig) {
+  const std::string cameras =
+      metashape_camera(0, "left", kMetashapePose) +
+      replaced(kMetashapeSlave, "/>", ">" + replaced(kMetashapePose, "0 1 2", "0 1 5") + "</camera>");
+  const Calibration found = read_text(make_metashape_calibration, metashape_rig(cameras, kMetashapeOffset));
+  EXPECT_LT((found.cameras[1].centre() - found.cameras[0].centre() - Eigen::Vector3d(-6, 0, 0)).norm(), 1e-12);
+}
+
+// In a rig that is built around another camera, the master of the photos has an offset of its own.
+TEST(Metashape, TheOffsetOfTheMastersSensorIsTakenOut) {
+  const std::string cameras = metashape_camera(0, "left", kMetashapePose) + kMetashapeSlave;
+  const Calibration same =
+      read_text(make_metashape_calibration, metashape_rig(cameras, kMetashapeOffset, kMetashapeOffset));
+  EXPECT_LT((same.cameras[1].centre() - same.cameras[0].centre()).norm(), 1e-12);
+  EXPECT_LT((same.cameras[1].R - same.cameras[0].R).norm(), 1e-12);
+}
+
+TEST(Metashape, ARigWithoutPosesOrOffsetsIsLeftOutAndSaysSo) {
+  const std::string aligned = metashape_camera(7, "left", kMetashapePose);
+  const auto notes = [&](const std::string& cameras, const std::string& offset) {
+    return read_text(make_metashape_calibration, metashape_rig(cameras, offset)).notes;
+  };
+  EXPECT_THAT(notes(aligned + metashape_camera(0, "master", "") + kMetashapeSlave, kMetashapeOffset),
+              ::testing::ElementsAre(HasSubstr("2 cameras that are not aligned")));
+  EXPECT_THAT(notes(metashape_camera(0, "left", kMetashapePose) + kMetashapeSlave, ""),
+              ::testing::ElementsAre(HasSubstr("1 cameras of a rig were left out")));
+  EXPECT_THAT(refusal(make_metashape_calibration, metashape_rig(aligned + kMetashapeSlave, kMetashapeOffset)),
+              HasSubstr("camera slave: its master_id is 0, but there is no <camera> with this id"));
+  expect_hostile(make_metashape_calibration,
+                 metashape_rig(metashape_camera(0, "left", kMetashapePose) + kMetashapeSlave, kMetashapeOffset));
+}
+
 TEST(Metashape, LargeCoordinatesAreMovedToTheOrigin) {
   const std::string cameras = metashape_camera(0, "left", kMetashapePose);
   const std::string far = replaced(kMetashapeTransform, "10 20 30", "500010.25 20 5000030");
