@@ -16,7 +16,7 @@ namespace doppel::tools {
 namespace {
 
 struct ConvertArguments {
-  std::string from, to, format, unit, up, size;
+  std::string from, to, format, unit, up, size, subject;
 };
 
 /// "1920x1080" as width and height.
@@ -40,7 +40,7 @@ void complete_sizes(Calibration& calibration, const ConvertArguments& arguments)
 }
 
 int convert(const ConvertArguments& arguments, const CommonOptions& common) {
-  Calibration calibration = load_calibration(arguments.from, {arguments.unit, arguments.up});
+  Calibration calibration = load_calibration(arguments.from, {arguments.unit, arguments.up, arguments.subject});
   if (!calibration.has_poses)
     fail("{} ({}) holds intrinsics only; a calibration also needs the poses of the cameras", arguments.from,
          calibration.format);
@@ -78,6 +78,8 @@ Command add_calibrate(CLI::App& program) {
                                       fmt::join(calibration_writers(), ", ")));
   convert_app->add_option("--unit", arguments->unit, "Unit of the file, if it does not state it: m, cm or mm");
   convert_app->add_option("--up", arguments->up, "Axis of the file that points up, if it does not state it: +x ... -z");
+  convert_app->add_option("--subject", arguments->subject,
+                          "Subject whose cameras to read, if the file holds those of several (default: by its folder)");
   convert_app->add_option("--size", arguments->size, "WIDTHxHEIGHT of the images, if the file does not state it");
   convert_app->footer("Example: doppel calibrate convert Calib_qualisys.toml cameras.yml");
   const std::vector<Command> others{add_calibrate_board(*app), add_calibrate_sync(*app), add_calibrate_refine(*app),

@@ -22,6 +22,9 @@ struct Calibration {
 struct CalibrationOptions {
   std::string unit;  ///< "m", "cm" or "mm"
   std::string up;    ///< "+x" ... "-z"
+  /// Which subject's cameras, where a file holds those of several (Human3.6M), for instance "S9". Empty: that of the
+  /// folder of this name in which the file lies.
+  std::string subject{};
 };
 
 }  // namespace doppel

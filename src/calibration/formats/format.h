@@ -15,6 +15,7 @@ struct CalibrationSource {
   std::filesystem::path path;
   std::string head;  ///< the first 16 kB of the file; empty for a folder
   bool is_folder = false;
+  std::string subject{};  ///< as in CalibrationOptions; empty when the user names none
 
   /// Whether the head holds a text.
   bool has(std::string_view text) const { return head.find(text) != std::string::npos; }
@@ -39,6 +40,8 @@ class CalibrationFormat {
   /// - The first pixel's centre is (0.5, 0.5): files with centres at integers get +0.5.
   /// @throws FileError with file and, where known, line
   virtual Calibration read(const CalibrationSource& source) const = 0;
+  /// Whether one file may hold the cameras of several subjects, so that `CalibrationSource::subject` means something.
+  virtual bool has_subjects() const { return false; }
   virtual bool can_write() const { return false; }
   /// Whether files of this extension (".yml") are written in this format when no format is named.
   virtual bool is_default_for(const std::string& /*extension*/) const { return false; }

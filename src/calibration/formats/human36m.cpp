@@ -1,9 +1,15 @@
+#include <fmt/ranges.h>
+
 #include <algorithm>
+#include <cctype>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "doppel/calibration/formats/camera_parts.h"
 #include "doppel/calibration/formats/format.h"
 #include "doppel/core/error.h"
+#include "doppel/core/excerpt.h"
 
 namespace doppel {
 namespace {
@@ -11,6 +17,7 @@ namespace {
 using Human36mJson = nlohmann::json;
 
 constexpr double kHuman36mMetresPerUnit = 0.001;
+constexpr int kHuman36mFoldersAbove = 2;  // of a file, whose names may be that of the subject
 
 struct Human36mSize {
   const char* camera;
@@ -48,15 +55,57 @@ std::vector<std::pair<std::string, const Human36mJson*>> human36m_items(const Hu
   return items;
 }
 
+std::string human36m_lower(std::string text) {
+  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return text;
+}
+
+/// The words of a name in lower case: "S9-Walking" has "s9" and "walking".
+std::vector<std::string> human36m_words(const std::string& name) {
+  std::vector<std::string> words(1);
+  for (const char c : human36m_lower(name)) {
+    if (std::isalnum(static_cast<unsigned char>(c)))
+      words.back() += c;
+    else
+      words.emplace_back();
+  }
+  return words;
+}
+
+/// The cameras of the subjects by their names in lower case.
+using Human36mSubjects = std::map<std::string, std::pair<std::string, const Human36mJson*>>;
+
+/// The subjects that the name of a file or folder holds as a word.
+std::set<std::string> subjects_in_name(const Human36mSubjects& subjects, const std::string& name) {
+  std::set<std::string> found;
+  for (const std::string& word : human36m_words(name))
+    if (subjects.contains(word)) found.insert(word);
+  return found;
+}
+
+/// The subject that the path names: by the file or, without one, by the folder or by the folder above. A name with
+/// several subjects names none. Farther folders are not asked: "s1" may be the name of a computer's user.
+std::string subject_of_path(const Human36mSubjects& subjects, const std::filesystem::path& path) {
+  std::filesystem::path part = std::filesystem::absolute(path);
+  part.replace_extension();
+  for (int level = 0; level <= kHuman36mFoldersAbove; ++level, part = part.parent_path()) {
+    if (part.filename() == ".") part = part.parent_path();
+    const std::set<std::string> found = subjects_in_name(subjects, part.filename().string());
+    if (found.size() == 1) return *found.begin();
+  }
+  return "";
+}
+
 /// Reads one file of any layout; every message names the camera and the key.
 class Human36mReader {
  public:
-  explicit Human36mReader(const std::filesystem::path& path) : where_{path.string(), 0} {}
+  explicit Human36mReader(const CalibrationSource& source)
+      : path_(source.path), subject_(source.subject), where_{source.path.string(), 0} {}
 
   Calibration read() {
     const Human36mJson root = read_json(where_.file);
     const bool split = root.contains("intrinsics") && root.contains("extrinsics");
-    const Human36mJson& cameras = first_subject(split ? root["extrinsics"] : root);
+    const Human36mJson& cameras = cameras_of_subject(split ? root["extrinsics"] : root);
     const std::vector<Human36mEntry> entries = split ? paired(root["intrinsics"], cameras) : whole(cameras);
     for (const Human36mEntry& entry : entries)
       if (entry.pose) calibration_.cameras.push_back(read_camera(entry));
@@ -71,23 +120,49 @@ class Human36mReader {
   }
 
  private:
-  /// The cameras of the first subject that has poses; `container` itself when it holds cameras.
-  const Human36mJson& first_subject(const Human36mJson& container) {
+  /// The cameras of the subject; `container` itself when it holds cameras.
+  const Human36mJson& cameras_of_subject(const Human36mJson& container) {
     if (!container.is_structured() || container.empty())
       fail_at(where_, "reading a camera calibration: the file must hold cameras by their names, or a list of them");
-    const auto subjects = human36m_items(container);
+    const auto items = human36m_items(container);
     const auto holds_cameras = [](const auto& item) { return is_human36m_camera(*item.second); };
-    if (std::any_of(subjects.begin(), subjects.end(), holds_cameras)) return container;
-    for (const auto& [name, subject] : subjects) {
-      const bool posed = subject->is_structured() && std::any_of(subject->begin(), subject->end(), is_human36m_pose);
-      if (!posed) continue;
-      if (subjects.size() > 1)
-        calibration_.notes.emplace_back(
-            fmt::format("the file holds {} subjects, whose cameras stood differently; those of {} were taken",
-                        subjects.size(), name));
-      return *subject;
+    if (std::any_of(items.begin(), items.end(), holds_cameras)) {
+      if (!subject_.empty())
+        fail<UsageError>("{}: the subject \"{}\" is named, but this file does not tell subjects apart", where_.file,
+                         subject_);
+      return container;
     }
-    fail_at(where_, "reading a camera calibration: no camera has a pose (R and t, or orientation and translation)");
+    Human36mSubjects subjects;
+    for (const auto& [name, cameras] : items)
+      if (cameras->is_structured() && std::any_of(cameras->begin(), cameras->end(), is_human36m_pose))
+        subjects.try_emplace(human36m_lower(name), name, cameras);
+    if (subjects.empty())
+      fail_at(where_, "reading a camera calibration: no camera has a pose (R and t, or orientation and translation)");
+    const auto& [name, cameras] = chosen_subject(subjects);
+    if (items.size() > 1)
+      calibration_.notes.emplace_back(fmt::format(
+          "the file holds {} subjects, whose cameras stood differently; those of {} were taken", items.size(), name));
+    return *cameras;
+  }
+
+  /// The subject that the user names, or the only one with poses, or the one that the path names.
+  const std::pair<std::string, const Human36mJson*>& chosen_subject(const Human36mSubjects& subjects) const {
+    std::vector<std::string> names;
+    for (const auto& [key, subject] : subjects) names.push_back(subject.first);
+    const std::string known = excerpt(fmt::format("{}", fmt::join(names, ", ")), 200);
+    if (subject_.empty() && subjects.size() == 1) return subjects.begin()->second;
+    const std::string key = subject_.empty() ? subject_of_path(subjects, path_) : human36m_lower(subject_);
+    const auto found = subjects.find(key);
+    if (found != subjects.end()) return found->second;
+    if (!subject_.empty())
+      fail<UsageError>("{}: there are no cameras of the subject \"{}\"; the file has those of {}", where_.file,
+                       subject_, known);
+    fail_at(
+        where_,
+        "reading a camera calibration: the file holds the cameras of {} subjects ({}), which stood differently, and "
+        "neither its name nor its folder names one of them. Put it into the folder of the subject ({}/), or name "
+        "the subject: `subject` in capture.yaml, or --subject",
+        names.size(), known, excerpt(names.front()));
   }
 
   /// Cameras whose intrinsics and poses stand in one object.
@@ -187,6 +262,8 @@ class Human36mReader {
     return image_side(number(item, key, what, where_), what, where_);
   }
 
+  std::filesystem::path path_;
+  std::string subject_;
   FileLocation where_;
   Calibration calibration_;
 };
@@ -198,7 +275,8 @@ class Human36mReader {
 /// - `f`, `c`, `k` (k1 k2 k3), `p` (p1 p2), or `calibration_matrix` and `distortion` (k1 k2 p1 p2 k3), or VideoPose3D's
 ///   `focal_length`, `center`, `radial_distortion`, `tangential_distortion`, which is p2 p1, in this order.
 /// Cameras stand in an object by their names or in a list, both with or without one level of subjects above, or in
-/// `intrinsics` and `extrinsics` (camera-parameters.json). The rig stood differently for every subject.
+/// `intrinsics` and `extrinsics` (camera-parameters.json). The rig stood differently for every subject, so the subject
+/// is the one that the user names, or that the path names.
 /// The dataset's own projection halves the terms 2 p1 x y and 2 p2 x^2 of OpenCV, less than a pixel; this reader takes
 /// OpenCV's model, as the programs do that undistort these images.
 class Human36mCalibration : public CalibrationFormat {
@@ -211,7 +289,8 @@ class Human36mCalibration : public CalibrationFormat {
            (source.has("\"intrinsics\"") && source.has("\"calibration_matrix\"")) ||
            (source.has("\"focal_length\"") && source.has("\"center\"") && source.has("\"radial_distortion\""));
   }
-  Calibration read(const CalibrationSource& source) const override { return Human36mReader(source.path).read(); }
+  Calibration read(const CalibrationSource& source) const override { return Human36mReader(source).read(); }
+  bool has_subjects() const override { return true; }
 };
 
 }  // namespace

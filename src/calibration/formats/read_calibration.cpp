@@ -212,9 +212,13 @@ bool is_calibration(const fs::path& path) {
 }
 
 Calibration load_calibration(const fs::path& path, const CalibrationOptions& options) {
-  const CalibrationSource source = open_source(path);
+  CalibrationSource source = open_source(path);
+  source.subject = options.subject;
   for (const auto& format : calibration_formats()) {
     if (!format->recognises(source)) continue;
+    if (!options.subject.empty() && !format->has_subjects())
+      fail<UsageError>("{}: the subject \"{}\" is named, but files of this format ({}) hold no subjects", path.string(),
+                       options.subject, format->name());
     Calibration calibration = format->read(source);
     calibration.format = format->name();
     check_cameras(calibration.cameras, {path.string(), 0});

@@ -367,6 +367,7 @@ Capture read_capture(const fs::path& file_or_folder) {
   if (reader.has("unit")) capture.calibration_options.unit = reader.choice("unit", {"m", "cm", "mm"}, "m");
   if (reader.has("up"))
     capture.calibration_options.up = reader.choice("up", {"+x", "-x", "+y", "-y", "+z", "-z"}, "+y");
+  capture.calibration_options.subject = reader.get("subject", "");
   read_rates(reader, capture);
   capture.cameras = reader.list<std::string>("cameras");
   for (const std::string& camera : capture.cameras) check_name(reader, "cameras", camera);
@@ -388,6 +389,7 @@ void write_capture(const fs::path& path, const Capture& capture, const std::vect
   node["calibration"] = capture.calibration;
   if (!capture.calibration_options.unit.empty()) node["unit"] = capture.calibration_options.unit;
   if (!capture.calibration_options.up.empty()) node["up"] = capture.calibration_options.up;
+  if (!capture.calibration_options.subject.empty()) node["subject"] = capture.calibration_options.subject;
   node["fps"] = capture.fps;
   for (const auto& [camera, fps] : capture.camera_fps) node["camera_fps"][camera] = fps;
   if (!capture.cameras.empty()) {

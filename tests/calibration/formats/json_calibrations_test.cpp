@@ -17,6 +17,7 @@
 namespace doppel::json_calibrations_test {
 namespace {
 
+namespace fs = std::filesystem;
 using support::message_of;
 using support::TemporaryFolder;
 using ::testing::ElementsAre;
@@ -50,7 +51,8 @@ class Files {
   void expect_survives(const std::string& text) {
     support::expect_survives_hostile_files(path(), text, [&](const auto& file) { format_->read(source_of(file)); });
   }
-  std::filesystem::path path() const { return folder_ / "cameras.any"; }
+  /// The name is that of a subject, for formats whose files hold several.
+  std::filesystem::path path() const { return folder_ / "S9.any"; }
   const CalibrationFormat& format() const { return *format_; }
 
  private:
@@ -560,9 +562,56 @@ TEST(Human36mCalibrationReference, TheKeysDecideBetweenTranslationAndCentre) {
   EXPECT_EQ(files.first({{"1", human_camera(false)}}).width, 0) << "the size of another camera is not known";
 }
 
-TEST(Human36mCalibrationReference, FirstSubjectOfCameraParameters) {
+/// The rigs of two subjects: those of S9, and those of S11 moved by a metre.
+Json human_two_subjects() {
+  Json file = human_parameters();
+  file["extrinsics"]["S11"] = file["extrinsics"]["S9"];
+  for (auto& [name, camera] : file["extrinsics"]["S11"].items()) camera["t"] = {0, 0, 7000};
+  return file;
+}
+
+TEST(Human36mCalibrationReference, TheNearestFolderOrTheFileNamesTheSubject) {
+  const TemporaryFolder folder;
+  const auto format = make_human36m_calibration();
+  const auto depth = [&](const fs::path& file, const std::string& subject = "") {
+    fs::create_directories((folder / file).parent_path());
+    std::ofstream(folder / file) << human_two_subjects().dump();
+    const Calibration found = format->read({folder / file, "", false, subject});
+    EXPECT_THAT(found.notes, ElementsAre(HasSubstr("2 subjects")));
+    return found.cameras.at(0).t.z();
+  };
+  const double s9 = depth("any/c.json", "S9"), s11 = depth("any/c.json", "s11");
+  EXPECT_EQ(s11, 7.0);
+  EXPECT_NE(s9, s11);
+  for (const char* file : {"S9/camera-parameters.json", "s9/c.json", "S9/calibration/c.json", "h36m_S9/c.json",
+                           "S11/S9/c.json", "S11/cameras_S9.json", "S9/S1_S9_S11.json"})
+    EXPECT_EQ(depth(file), s9) << file;
+  for (const char* file : {"S11/c.json", "S9/S11/c.json", "S11-Walking/c.json"}) EXPECT_EQ(depth(file), s11) << file;
+  EXPECT_EQ(depth("S9/d.json", "S11"), s11) << "what the user says counts";
+}
+
+TEST(Human36mCalibrationRejects, AFileOfSeveralSubjectsThatNothingDecides) {
+  const TemporaryFolder folder;
+  const auto format = make_human36m_calibration();
+  const auto refusal = [&](const fs::path& file, const std::string& subject = "") {
+    fs::create_directories((folder / file).parent_path());
+    std::ofstream(folder / file) << human_two_subjects().dump();
+    return message_of<Error>([&] { format->read({folder / file, "", false, subject}); });
+  };
+  for (const char* file : {"any/c.json", "S1/c.json", "S9-S11/c.json", "S90/c.json", "S9/a/b/c.json"})
+    EXPECT_THAT(refusal(file), AllOf(HasSubstr("2 subjects (S11, S9)"), HasSubstr("--subject"))) << file;
+  EXPECT_THAT(refusal("S9/c.json", "S1"), AllOf(HasSubstr("subject \"S1\""), HasSubstr("S11, S9")));
+  std::ofstream(folder / "one.json") << Json{{"54138969", human_camera(false)}}.dump();
+  EXPECT_THAT(message_of<UsageError>([&] {
+                format->read({folder / "one.json", "", false, "S1"});
+              }),
+              HasSubstr("does not tell subjects apart"));
+}
+
+TEST(Human36mCalibrationReference, TheOnlySubjectWithPosesOfCameraParameters) {
   Files files(make_human36m_calibration);
   Json file = human_parameters();
+  file["extrinsics"]["S11"] = {{"54138969", Json::object()}, {"55011271", Json::object()}};
   Calibration found = files.read(file);
   EXPECT_THAT(names_of(found), ElementsAre("54138969", "55011271"));
   for (const Camera& camera : found.cameras) expect_human_camera(camera);

@@ -65,6 +65,7 @@ person: 1
 detector: {model: pose.prototxt, weights: pose.caffemodel, input_height: 256, mean: [104, 117, 123], rgb: true}
 unit: cm
 up: -z
+subject: S9
 )";
 
 /// A folder that holds `text` as capture.yaml beside an empty folder `footage`.
@@ -153,6 +154,7 @@ TEST(CaptureReference, WritingAndReadingGivesTheSame) {
   const Capture again = read_capture(first);
   EXPECT_EQ(again.root, capture.root);
   EXPECT_EQ(again.calibration_options.up, "-z");
+  EXPECT_EQ(again.calibration_options.subject, "S9");
   EXPECT_EQ(again.sequences[0].frame_offset, capture.sequences[0].frame_offset);
   EXPECT_EQ(again.sequences[0].keypoint_offset, capture.sequences[0].keypoint_offset);
   EXPECT_EQ(again.sequences[0].keypoint_offset_of("left"), -3);
