@@ -53,6 +53,23 @@ constexpr const char* kStereoXml =
 <data>0.01 0.02 0.03 0.04</data></distortion_coefficients><names>"a b" c</names><list><_>1</_><_>2</_></list>
 </opencv_storage>)";
 
+/// The names of cv::stereoCalibrate's arguments, with left and right.
+std::string stereo_sides() {
+  return "%YAML:1.0\n---\n" +
+         storage_matrix("camera_matrix_left", 3, 3, "800., 0., 321.5, 0., 810., 242.25, 0., 0., 1.") +
+         storage_matrix("distCoeffsLeft", 1, 5, "0.1, -0.02, 0.001, -0.002, 0.005") +
+         storage_matrix("cameraMatrix2", 3, 3, "700., 0., 300., 0., 710., 200., 0., 0., 1.") +
+         storage_matrix("distR", 1, 4, "0.1, 0, 0, 0") +
+         storage_matrix("rotation_matrix", 3, 3, "0, -1, 0, 1, 0, 0, 0, 0, 1") +
+         "T: [ -60., 2., 3. ]\nimage_size: [ 640, 480 ]\n";
+}
+
+constexpr const char* kRosMessages =
+    "header: \n  seq: 7\n  frame_id: \"cam\"\nheight: 480\nwidth: 752\ndistortion_model: \"plumb_bob\"\n"
+    "D: [-0.28, 0.07, 0.0002, 0.00002, 0.0]\nK: [458.0, 0.0, 367.0, 0.0, 457.0, 248.0, 0.0, 0.0, 1.0]\n"
+    "binning_x: 2\nbinning_y: 0\nroi: \n  x_offset: 4\n  height: 400\n  width: 700\n---\n"
+    "header: \n  seq: 8\nheight: 480\nwidth: 752\ndistortion_model: \"plumb_bob\"\nD: [-0.28";
+
 constexpr const char* kRos =
     "image_width: 640\nimage_height: 480\ncamera_name: front\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
     "  data: [800, 0, 321.5, 0, 810, 242.25, 0, 0, 1]\ndistortion_model: plumb_bob\ndistortion_coefficients:\n"
@@ -127,8 +144,11 @@ constexpr const char* kMetashape =
     R"(<?xml version="1.0" encoding="UTF-8"?><document version="2.0.0"><chunk label="a"><sensors>
 <sensor id="3" label="s" type="frame"><resolution width="4000" height="3000"/>
 <calibration type="frame" class="adjusted"><resolution width="4000" height="3000"/><f>3500</f><cx>12</cx><cy>-7</cy><b1>2</b1><b2>0.5</b2><k1>-0.1</k1><k2>0.02</k2><k3>0.003</k3><p1>0.001</p1><p2>-0.002</p2></calibration>
-</sensor></sensors><components><component id="0"></component></components><cameras>
+</sensor><sensor id="4" master_id="3" type="frame"><calibration class="adjusted"><resolution width="400" height="300"/><f>350</f></calibration>
+<rotation>0 -1 0 1 0 0 0 0 1</rotation><location>2 0 3</location></sensor>
+</sensors><components><component id="0"></component></components><cameras>
 <camera id="0" sensor_id="3" component_id="0" label="left"><transform>1 0 0 1 0 0 1 2 0 -1 0 3 0 0 0 1</transform></camera>
+<camera id="1" sensor_id="4" master_id="0" label="right"/>
 </cameras><transform><rotation>0 -1 0 1 0 0 0 0 1</rotation><translation>10 20 30</translation><scale>2</scale></transform>
 </chunk></document>)";
 
@@ -173,7 +193,9 @@ std::vector<CalibrationSeed> calibration_seeds() {
           {"metashape", {"a.xml"}, kMetashape},
           {"realitycapture", {"a.xmp"}, kRealityCapture},
           {"opencap", {"a.pickle"}, support::opencap_dict(support::opencap_pose())},
-          {"zju", {"annots.npy"}, support::npy_of_objects(support::two_zju_cameras())}};
+          {"zju", {"annots.npy"}, support::npy_of_objects(support::two_zju_cameras())},
+          {"opencv_stereo", {"sides.yml"}, stereo_sides()},
+          {"ros_camera_info", {"messages.yaml"}, kRosMessages}};
 }
 
 }  // namespace doppel::fuzz

@@ -179,5 +179,59 @@ std::string sample_name(const ::testing::TestParamInfo<Sample>& sample) {
 }
 INSTANTIATE_TEST_SUITE_P(Real, RealCalibrations, ::testing::ValuesIn(kSamples), sample_name);
 
+/// Small files that stand for faults which users of other programs reported.
+class RealCalibrationCases : public support::SharedFolderTest {
+ protected:
+  void SetUp() override {
+    SharedFolderTest::SetUp();
+    if (!IsSkipped() && !fs::exists(shared_ / "cases")) GTEST_SKIP() << shared_ / "cases" << " is missing";
+  }
+  fs::path file(const char* name) const { return shared_ / "cases" / name; }
+};
+
+TEST_F(RealCalibrationCases, ARigOfMetashapeHasTheCamerasOfItsReference) {
+  const std::vector<Camera> rig = read_calibration(file("11-metashape-camera-rig/cameras_rig.xml")),
+                            right = read_calibration(file("11-metashape-camera-rig/reference_all_absolute.xml"));
+  ASSERT_EQ(rig.size(), 4u);
+  ASSERT_EQ(right.size(), 4u);
+  for (std::size_t i = 0; i < rig.size(); ++i) {
+    EXPECT_EQ(rig[i].name, right[i].name);
+    EXPECT_LT((rig[i].R - right[i].R).norm(), 1e-9);
+    EXPECT_LT((rig[i].centre() - right[i].centre()).norm(), 1e-9);
+  }
+}
+
+TEST_F(RealCalibrationCases, TheSubjectIsThatOfTheFolder) {
+  const std::vector<Camera> cameras = read_calibration(file("26-human36m-other-subjects/S9/camera-parameters.json"));
+  ASSERT_EQ(cameras.size(), 2u);
+  // X_cam = R X + t with t of 5.0 m and 5.3 m in the two subjects; the cameras look at each other.
+  EXPECT_NEAR((cameras[0].centre() - cameras[1].centre()).norm(), 10.3, 1e-9);
+  CalibrationOptions other;
+  other.subject = "S1";
+  const Calibration first = load_calibration(file("26-human36m-other-subjects/S9/camera-parameters.json"), other);
+  EXPECT_NEAR((first.cameras[0].centre() - first.cameras[1].centre()).norm(), 10.0, 1e-9);
+}
+
+TEST_F(RealCalibrationCases, AStereoFileHasItsOwnIntrinsics) {
+  for (const char* name : {"31-opencv-stereo-in-one-file/a/stereo_calib.yml",
+                           "31-opencv-stereo-in-one-file/c/stereo_calib.yml"}) {
+    const std::vector<Camera> cameras = read_calibration(file(name));
+    ASSERT_EQ(cameras.size(), 2u);
+    EXPECT_EQ(cameras[0].K(0, 0), 1750);
+    EXPECT_EQ(cameras[1].K(0, 0), 1760);
+    EXPECT_EQ(cameras[0].width, 1456);
+    EXPECT_EQ(cameras[1].height, 1088);
+  }
+}
+
+TEST_F(RealCalibrationCases, AMessageOfRosIsOneCamera) {
+  const Calibration found = load_calibration(file("32-ros-camera-info-message/ros1_echo.yaml"));
+  ASSERT_EQ(found.cameras.size(), 1u);
+  EXPECT_EQ(found.cameras[0].width, 752);
+  EXPECT_EQ(found.cameras[0].height, 480);
+  EXPECT_EQ(found.cameras[0].K(0, 0), 458);
+  EXPECT_EQ(found.cameras[0].K(1, 1), 457);
+}
+
 }  // namespace
 }  // namespace doppel::real_calibrations_test

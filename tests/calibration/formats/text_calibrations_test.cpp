@@ -393,6 +393,102 @@ TEST_F(OpenCvStereo, ReadsThePairFromOneFile) {
   EXPECT_EQ(calibration.cameras[1].t, Eigen::Vector3d(-60, 2, 3));
 }
 
+// The names of cv::stereoCalibrate's arguments, and those that people give them.
+TEST_F(OpenCvStereo, TakesTheIntrinsicsOfTheFileUnderAllNames) {
+  struct Spelling {
+    const char *matrix1, *distortion1, *matrix2, *distortion2, *R, *T;
+  };
+  const Spelling spellings[] = {
+      {"K1", "D1", "K2", "D2", "R", "T"},
+      {"M1", "D1", "M2", "D2", "R", "T"},
+      {"cameraMatrix1", "distCoeffs1", "cameraMatrix2", "distCoeffs2", "R", "T"},
+      {"CameraMatrix1", "DistCoeffs1", "CameraMatrix2", "DistCoeffs2", "R", "T"},
+      {"camera_matrix_1", "dist_coeffs_1", "camera_matrix_2", "dist_coeffs_2", "R", "T"},
+      {"camera_matrix1", "distortion_coefficients1", "camera_matrix2", "distortion_coefficients2", "R", "T"},
+      {"camera_matrix_left", "dist_coeffs_left", "camera_matrix_right", "dist_coeffs_right", "R", "T"},
+      {"camera_matrix_left", "distortion_coefficients_left", "camera_matrix_right", "distortion_coefficients_right",
+       "rotation_matrix", "translation_vector"},
+      {"left_camera_matrix", "left_distortion_coefficients", "right_camera_matrix", "right_distortion_coefficients",
+       "Rotation", "Translation"},
+      {"cameraMatrixL", "distCoeffsL", "cameraMatrixR", "distCoeffsR", "R", "T"},
+      {"cameraMatrix_l", "distCoeffs_l", "cameraMatrix_r", "distCoeffs_r", "R", "T"},
+      {"K_left", "D_left", "K_right", "D_right", "R", "T"},
+      {"KL", "DL", "KR", "DR", "R", "T"},
+      {"mtxL", "distL", "mtxR", "distR", "R", "T"},
+      {"mtx_left", "dist_left", "mtx_right", "dist_right", "rot", "trans"},
+      {"intrinsicsLeft", "distortionLeft", "intrinsicsRight", "distortionRight", "R", "T"},
+      {"K0", "D0", "K1", "D1", "R", "T"}};
+  // Beside it lie intrinsics of other cameras, and extrinsics that are not of this pair.
+  for (const Spelling& names : spellings) {
+    const std::string text =
+        kFileStorage + matrix_node(names.matrix1, 3, 3, "1750., 0., 730., 0., 1751., 530., 0., 0., 1.") +
+        matrix_node(names.distortion1, 1, 5, "-0.1, 0.05, 0., 0., 0.") +
+        matrix_node(names.matrix2, 3, 3, "1760., 0., 720., 0., 1761., 515., 0., 0., 1.") +
+        matrix_node(names.distortion2, 1, 5, "-0.11, 0.04, 0., 0., 0.") +
+        matrix_node(names.R, 3, 3, "0., -1., 0., 1., 0., 0., 0., 0., 1.") +
+        matrix_node(names.T, 3, 1, "-120., 1., 2.") + matrix_node("R1", 3, 3, "0., 0., 1., 0., 1., 0., -1., 0., 0.") +
+        matrix_node("P1", 3, 4, "900., 0., 1., 0., 0., 900., 1., 0., 0., 0., 1., 0.");
+    ASSERT_TRUE(claims(text)) << names.matrix1;
+    const Calibration calibration = read_text(text);
+    ASSERT_EQ(calibration.cameras.size(), 2u) << names.matrix1;
+    EXPECT_TRUE(calibration.has_poses);
+    EXPECT_EQ(calibration.cameras[0].K(0, 0), 1750) << names.matrix1;
+    EXPECT_EQ(calibration.cameras[0].distortion[0], -0.1);
+    EXPECT_EQ(calibration.cameras[1].K(1, 1), 1761);
+    EXPECT_EQ(calibration.cameras[1].distortion[0], -0.11);
+    EXPECT_EQ(calibration.cameras[0].t, Eigen::Vector3d(0, 0, 0));
+    EXPECT_EQ(calibration.cameras[1].t, Eigen::Vector3d(-120, 1, 2));
+    EXPECT_EQ(calibration.cameras[1].R(1, 0), 1) << names.matrix1;
+    EXPECT_THAT(calibration.notes, ::testing::IsEmpty());
+  }
+}
+
+TEST_F(OpenCvStereo, NamesTheCamerasByTheirSides) {
+  const std::string sides = replaced(replaced(kStereoIntrinsics, "M1", "camera_matrix_left"), "D1", "dist_left");
+  const std::string text = replaced(replaced(sides, "M2", "camera_matrix_right"), "D2", "dist_right") +
+                           kStereoExtrinsics.substr(kFileStorage.size());
+  EXPECT_THAT(names_of(read_text(text)), ElementsAre("left", "right"));
+}
+
+TEST_F(OpenCvStereo, ReadsTheSizeOfTheImagesUnderAllNames) {
+  const std::string pair = kStereoIntrinsics + kStereoExtrinsics.substr(kFileStorage.size());
+  for (const char* size :
+       {"image_size: [ 640, 480 ]\n", "imageSize: [ 640, 480 ]\n", "frame_width: 640\nframe_height: 480\n",
+        "image_width: 640\nimage_height: 480\n", "imageWidth: 640\nimageHeight: 480\n", "width: 640\nheight: 480\n",
+        "imageSize1: [ 640, 480 ]\nimageSize2: [ 640, 480 ]\n"}) {
+    const Calibration calibration = read_text(pair + size);
+    for (const Camera& camera : calibration.cameras) {
+      EXPECT_EQ(camera.width, 640) << size;
+      EXPECT_EQ(camera.height, 480) << size;
+    }
+  }
+  EXPECT_THAT(refusal_of(pair + "image_size: [ 640, 480, 3 ]\n"), HasSubstr("image_size has 3 numbers, expected 2"));
+}
+
+TEST_F(OpenCvStereo, SaysWhichFileTheOtherHalfIsFrom) {
+  EXPECT_THAT(read(format_, files_.path("extrinsics.yml")).notes,
+              ElementsAre("the intrinsics are those of intrinsics.yml beside the file"));
+  EXPECT_THAT(read(format_, files_.path("intrinsics.yml")).notes,
+              ElementsAre("the poses are those of extrinsics.yml beside the file"));
+}
+
+TEST_F(OpenCvStereo, NeverTakesTheIntrinsicsOfAnotherFileWhenTheFileHasItsOwn) {
+  const std::string poses = kStereoExtrinsics.substr(kFileStorage.size());
+  // One of two cameras is missing.
+  const std::string half = kFileStorage + matrix_node("cameraMatrix1", 3, 3, "9., 0., 1., 0., 9., 1., 0., 0., 1.") +
+                           matrix_node("distCoeffs1", 1, 4, "0., 0., 0., 0.");
+  EXPECT_THAT(refusal_of(half + poses), HasSubstr("belong to two cameras, found the intrinsics of 1"));
+  // Names that nobody can know.
+  const std::string unknown = replaced(replaced(kStereoIntrinsics, "M1", "kamera_eins"), "M2", "kamera_zwei");
+  EXPECT_THAT(refusal_of(unknown + poses), HasSubstr("kamera_eins looks like the intrinsics of a camera"));
+  // A complete file beside intrinsics has poses of its own cameras, unless these are the same: OpenCV's stereo sample
+  // writes the intrinsics into both files.
+  files_.write("extrinsics.yml", kStereoIntrinsics + poses);
+  EXPECT_TRUE(read(format_, files_.path("intrinsics.yml")).has_poses);
+  files_.write("extrinsics.yml", replaced(kStereoIntrinsics, "800.", "900.") + poses);
+  EXPECT_FALSE(read(format_, files_.path("intrinsics.yml")).has_poses);
+}
+
 TEST_F(OpenCvStereo, HasNoPosesWithoutExtrinsics) {
   fs::remove(files_.path("extrinsics.yml"));
   const Calibration calibration = read(format_, files_.path("intrinsics.yml"));
@@ -490,9 +586,9 @@ TEST_F(OpenCvStereo, DoesNotClaimFilesWithOneMapPerCamera) {
 }
 
 TEST_F(OpenCvStereo, NamesWhatIsMissingOrWrong) {
-  EXPECT_THAT(refusal_of(replaced(kSingle, "distortion_coefficients", "distortion")),
+  EXPECT_THAT(refusal_of(replaced(kSingle, "distortion_coefficients", "coefficients")),
               HasSubstr("distortion_coefficients is missing"));
-  EXPECT_THAT(refusal_of(replaced(kSingle, "image_height", "height")), HasSubstr("image_height is missing"));
+  EXPECT_THAT(refusal_of(replaced(kSingle, "image_height", "rows")), HasSubstr("image_height is missing"));
   EXPECT_THAT(refusal_of(replaced(kSingle, "640", "-640")), HasSubstr("image_width"));
   EXPECT_THAT(refusal_of(replaced(kSingle, "800.", ".Nan")), HasSubstr("camera_matrix must hold finite numbers"));
   EXPECT_THAT(refusal_of(replaced(kSingle, "rows: 3", "rows: 1000000000")), HasSubstr("camera_matrix has 9 numbers"));
@@ -561,16 +657,95 @@ TEST_F(Ros, ReadsAllModels) {
 }
 
 TEST_F(Ros, NamesWhatIsMissingOrWrong) {
-  EXPECT_THAT(refusal_of(replaced(kRos, "camera_matrix", "K")), HasSubstr("camera_matrix is missing"));
+  EXPECT_THAT(refusal_of(replaced(kRos, "camera_matrix", "Kamera")), HasSubstr("camera_matrix or K or k is missing"));
   EXPECT_THAT(refusal_of(replaced(kRos, "distortion_model", "model")), HasSubstr("distortion_model is missing"));
-  EXPECT_THAT(refusal_of(replaced(kRos, "image_width", "width")), HasSubstr("image_width is missing"));
+  EXPECT_THAT(refusal_of(replaced(kRos, "image_width", "breadth")), HasSubstr("image_width or width is missing"));
   EXPECT_THAT(refusal_of(replaced(kRos, "810", ".nan")), HasSubstr("camera.yaml:7: "));
   EXPECT_THAT(refusal_of(replaced(kRos, "640", "1e200")), HasSubstr("image_width"));
   EXPECT_THAT(refusal_of(replaced(kRos, "640", "0.5")), HasSubstr("image_width"));
   EXPECT_THAT(refusal_of(replaced(kRos, ", 0, 0, 1]", "]")), HasSubstr("6 numbers"));
 }
 
+/// What `rostopic echo` prints; `ros2 topic echo` prints lists as `block` does.
+std::string ros1_message(int sequence = 7) {
+  return fmt::format(
+      "header: \n  seq: {}\n  stamp: \n    secs: {}\n    nsecs: 500000000\n  frame_id: \"cam_0_optical_frame\"\n"
+      "height: 480\nwidth: 640\ndistortion_model: \"plumb_bob\"\nD: [0.1, -0.02, 0.001, -0.002, 0.005]\n"
+      "K: [800.0, 0.0, 321.5, 0.0, 810.0, 242.25, 0.0, 0.0, 1.0]\nR: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]\n"
+      "P: [458.0, 0.0, 367.0, 0.0, 0.0, 457.0, 248.0, 0.0, 0.0, 0.0, 1.0, 0.0]\nbinning_x: 0\nbinning_y: 0\nroi: \n"
+      "  x_offset: 0\n  y_offset: 0\n  height: 0\n  width: 0\n  do_rectify: False\n---\n",
+      sequence, sequence + 5);
+}
+
+std::string ros2_message(const char* item = "- ") {
+  std::string text =
+      "header:\n  stamp:\n    sec: 12\n    nanosec: 500000000\n  frame_id: camera\nheight: 480\nwidth: 640\n"
+      "distortion_model: plumb_bob\n";
+  const auto list = [&](const char* key, const std::vector<double>& values) {
+    text += fmt::format("{}:\n", key);
+    for (const double value : values) text += fmt::format("{}{}\n", item, value);
+  };
+  list("d", {0.1, -0.02, 0.001, -0.002, 0.005});
+  list("k", {800, 0, 321.5, 0, 810, 242.25, 0, 0, 1});
+  list("r", {1, 0, 0, 0, 1, 0, 0, 0, 1});
+  list("p", {458, 0, 367, 0, 0, 457, 248, 0, 0, 0, 1, 0});
+  return text +
+         "binning_x: 0\nbinning_y: 0\nroi:\n  x_offset: 0\n  y_offset: 0\n  height: 0\n  width: 0\n"
+         "  do_rectify: false\n---\n";
+}
+
+TEST_F(Ros, ReadsTheMessageAsItIsPrinted) {
+  const std::string once = ros1_message();
+  for (const std::string& text :
+       {once, once.substr(0, once.size() - 4), "---\n" + once, ros2_message(), ros2_message("  - "),
+        replaced(replaced(once, "D: ", "d: "), "K: ", "k: "), ros1_message(1) + ros1_message(2) + ros1_message(3),
+        // The last message of a recording is cut off.
+        ros1_message(1) + ros1_message(2) + once.substr(0, 40),
+        ros1_message(1) + once.substr(0, once.find("K: ") + 9)}) {
+    const Calibration calibration = read_text(text);
+    EXPECT_TRUE(format_->recognises(source_of(files_.path("camera.yaml"))));
+    EXPECT_FALSE(calibration.has_poses);
+    ASSERT_THAT(names_of(calibration), ElementsAre("camera")) << "named by the file";
+    EXPECT_EQ(calibration.cameras[0].width, 640);
+    EXPECT_EQ(calibration.cameras[0].height, 480);
+    expect_near(calibration.cameras[0].project({1, 2, 4}),
+                brown_pixel({800, 810, 321.5, 242.25}, {0.1, -0.02, 0.001, -0.002, 0.005}, {1, 2, 4}));
+  }
+}
+
+TEST_F(Ros, RefusesMessagesOfSeveralCameras) {
+  const std::string first = ros1_message(1), other = replaced(ros1_message(2), "800.0", "700.0");
+  const std::string message = refusal_of(first + other);
+  EXPECT_THAT(message, HasSubstr("another camera"));
+  EXPECT_THAT(message, HasSubstr(fmt::format("camera.yaml:{}: ", std::count(first.begin(), first.end(), '\n') + 1)));
+  EXPECT_THAT(refusal_of(first + replaced(other, "\n---", "")), HasSubstr("another camera"));
+  EXPECT_THAT(refusal_of(first + replaced(ros1_message(2), "D: [", "D: [x, ")), HasSubstr("finite numbers"));
+  EXPECT_THAT(refusal_of(kRos + std::string("---\n") + replaced(kRos, "800", "700")), HasSubstr("another camera"));
+}
+
+// The message states K of the whole sensor; the images are its region of interest, binned.
+TEST_F(Ros, TheImagesOfAMessageAreTheBinnedRegion) {
+  std::string text = replaced(replaced(ros1_message(), "binning_x: 0", "binning_x: 2"), "binning_y: 0", "binning_y: 4");
+  text = replaced(replaced(text, "x_offset: 0", "x_offset: 100"), "y_offset: 0", "y_offset: 40");
+  text = replaced(replaced(text, "  height: 0", "  height: 400"), "  width: 0", "  width: 500");
+  const Camera camera = read_text(text).cameras.at(0);
+  EXPECT_EQ(camera.width, 250);
+  EXPECT_EQ(camera.height, 100);
+  const Camera whole = read_text(ros1_message()).cameras.at(0);
+  const Eigen::Vector2d pixel = whole.project({1, 2, 4});
+  expect_near(camera.project({1, 2, 4}), {(pixel.x() - 100) / 2, (pixel.y() - 40) / 4});
+  EXPECT_THAT(refusal_of(replaced(text, "  width: 500", "  width: 600")), HasSubstr("region of interest"));
+}
+
+TEST_F(Ros, CamerasWithoutDistortionNeedNoModel) {
+  const std::string none = replaced(ros1_message(), "D: [0.1, -0.02, 0.001, -0.002, 0.005]", "D: []");
+  EXPECT_FALSE(read_text(replaced(none, "plumb_bob", "")).cameras.at(0).has_distortion());
+  EXPECT_THAT(refusal_of(replaced(ros1_message(), "plumb_bob", "")), HasSubstr("distortion_model is \"\""));
+}
+
 TEST_F(Ros, SurvivesHostileFiles) {
+  support::expect_survives_hostile_files(files_.path("message.yaml"), ros1_message(1) + ros1_message(2),
+                                         [&](const fs::path& path) { read(format_, path); });
   support::expect_survives_hostile_files(files_.path("camera.yaml"), kRos,
                                          [&](const fs::path& path) { read(format_, path); });
 }
