@@ -1,3 +1,5 @@
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <map>
@@ -7,6 +9,7 @@
 #include "doppel/calibration/formats/camera_parts.h"
 #include "doppel/calibration/formats/camera_plan.h"
 #include "doppel/calibration/formats/read_calibration.h"
+#include "doppel/character/character_folder.h"
 #include "doppel/character/motion.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
@@ -16,6 +19,7 @@
 #include "doppel/data/capture/find_capture.h"
 #include "doppel/geometry/image_file.h"
 #include "doppel/geometry/topology.h"
+#include "info_files.h"
 #include "key_tables.h"
 #include "versions.h"
 
@@ -27,7 +31,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 struct InfoOptions {
-  std::string path, bone_rule = "exact", metric = "hops", unit, up, image, keys;
+  std::string path, bone_rule = "exact", metric = "hops", unit, up, subject, image, keys;
   double metres_per_unit = 0.001;
   bool verbose = false, versions = false;
 };
@@ -277,7 +281,7 @@ struct Report {
 };
 
 Report report_calibration(const InfoOptions& options) {
-  const Calibration calibration = load_calibration(options.path, {options.unit, options.up});
+  const Calibration calibration = load_calibration(options.path, {options.unit, options.up, options.subject});
   Report report(describe_calibration(calibration), calibration_text(calibration));
   if (options.image.empty()) return report;
   if (!calibration.has_poses) fail<UsageError>("--picture: {} holds intrinsics only", options.path);
@@ -298,17 +302,6 @@ CharacterOptions character_options(const InfoOptions& options) {
   result.bone_rule = options.bone_rule == "prefix" ? BoneRule::prefix : BoneRule::exact;
   result.graph.metric = options.metric == "geodesic" ? GraphMetric::geodesic : GraphMetric::hops;
   return result;
-}
-
-/// The one .character file of a folder; empty when there is none.
-fs::path character_of_folder(const fs::path& folder) {
-  std::vector<fs::path> characters;
-  for (const auto& entry : fs::directory_iterator(folder))
-    if (entry.path().extension() == ".character") characters.push_back(entry.path());
-  std::sort(characters.begin(), characters.end());
-  if (characters.size() > 1)
-    fail<UsageError>("{} is a folder with {} .character files; name one of them", folder.string(), characters.size());
-  return characters.empty() ? fs::path() : characters[0];
 }
 
 /// A capture.yaml has the key doppel_capture at the start of a line; other YAML files are calibrations.
@@ -359,6 +352,18 @@ Json describe_capture(const Capture& capture) {
   return json;
 }
 
+/// The names of some files of a folder that are described, in alphabetical order.
+std::vector<std::string> described_files_in(const fs::path& folder) {
+  constexpr std::size_t kShown = 8;
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder))
+    if (entry.is_regular_file() && (is_described(entry.path()) || is_calibration(entry.path())))
+      names.push_back(entry.path().filename().string());
+  std::sort(names.begin(), names.end());
+  names.resize(std::min(names.size(), kShown));
+  return names;
+}
+
 Report describe_folder(const fs::path& folder, const InfoOptions& options) {
   if (fs::exists(folder / "capture.yaml")) return describe_capture(read_capture(folder));
   const fs::path character = character_of_folder(folder);
@@ -366,10 +371,21 @@ Report describe_folder(const fs::path& folder, const InfoOptions& options) {
     return describe_character(load_character(character, character_options(options)), options.verbose);
   if (const auto recognised = recognise_capture(folder)) return describe_capture(recognised->capture);
   if (is_calibration(folder)) return report_calibration(options);
+  const std::vector<std::string> files = described_files_in(folder);
   fail<UsageError>(
-      "{} holds neither a capture.yaml, nor a .character file, nor a calibration, nor the folders of a dataset that is "
-      "known",
-      folder.string());
+      "{} holds neither a capture.yaml, nor a .character file, nor the files of a calibration that is a folder, nor "
+      "the "
+      "folders of a dataset that is known{}",
+      folder.string(), files.empty() ? "" : fmt::format("; name one of its files, such as {}", fmt::join(files, ", ")));
+}
+
+/// A template of a character; or, where it is none because it has several textures, a scan.
+Json describe_obj(const fs::path& path, double metres_per_unit) {
+  try {
+    return with_kind("mesh", describe_mesh(read_obj(path, metres_per_unit)));
+  } catch (const FileError&) {
+    return describe_surface(path);
+  }
 }
 
 Report describe(const fs::path& path, const InfoOptions& options) {
@@ -381,9 +397,14 @@ Report describe(const fs::path& path, const InfoOptions& options) {
     return describe_character(load_character(path, character_options(options)), options.verbose);
   if (extension == ".skeleton") return with_kind("skeleton", describe_skeleton(read_skeleton(path), options.verbose));
   if (extension == ".skin") return with_kind("skin", describe_skin(read_skin(path)));
-  if (extension == ".obj") return with_kind("mesh", describe_mesh(read_obj(path, options.metres_per_unit)));
+  if (extension == ".obj") return describe_obj(path, options.metres_per_unit);
   if (extension == ".motion") return describe_motion(path);
-  return report_calibration(options);
+  if (is_calibration(path)) return report_calibration(options);
+  if (auto other = describe_file(path)) return *std::move(other);
+  fail_at({path.string(), 0},
+          "the file is none of those that `doppel info` describes: {}. A calibration has one of the formats of "
+          "docs/calibration.md, keypoints one of docs/capture.md",
+          described_files());
 }
 
 std::string value_text(const Json& value) {
@@ -440,7 +461,8 @@ Command add_info(CLI::App& program) {
   auto options = std::make_shared<InfoOptions>();
   CLI::App* app = program.add_subcommand("info", "Describe a file, and how Doppel reads it");
   app->add_option("path", options->path,
-                  "A .character, .skeleton, .skin, .motion, .obj, calibration or capture.yaml file, or a folder");
+                  "A character or a part of it, a capture, a calibration, a scan, a rigged figure, a motion, markers, "
+                  "keypoints, a video, a picture or an exported actor; or a folder");
   // For scripts/key_tables.sh; without a group the option is not listed.
   app->add_option("--keys", options->keys, "Print a table of the keys of a configuration")->group("");
   app->add_option("--bone-rule", options->bone_rule, "How a bone of the skinning weights finds its joint by name")
@@ -455,6 +477,8 @@ Command add_info(CLI::App& program) {
   app->add_option("--unit", options->unit, "Unit of a calibration, if the file does not state it: m, cm or mm");
   app->add_option("--up", options->up,
                   "Axis of a calibration that points up, if the file does not state it: +x ... -z");
+  app->add_option("--subject", options->subject,
+                  "Subject whose cameras to describe, if the file holds those of several (default: by its folder)");
   app->add_option("--picture", options->image, "Image of a calibration's cameras from above and from the side (.png)");
   app->add_flag("--verbose", options->verbose, "List every DoF with its limits and every bone with its joint");
   app->add_flag("--versions", options->versions,

@@ -104,8 +104,9 @@ class Program {
       if (next == commands.end() && app->get_require_subcommand_min() > 0) {
         std::vector<std::string> known;
         for (const CLI::App* command : commands) known.push_back(command->get_name());
-        return fmt::format("`{} {}`: there is no such command{}; `{} --help` lists all", line, argv[i],
-                           nearest_word_hint(argv[i], known), line);
+        const std::string hint = nearest_word_hint(argv[i], known);
+        return fmt::format("`{} {}`: there is no such command{}", line, argv[i],
+                           hint.empty() ? "; `" + line + " --help` lists them" : hint);
       }
       if (next == commands.end()) break;
       app = *next;

@@ -349,6 +349,8 @@ TEST_F(ProgramRecovers, TheKindOfAFileIsSaid) {
                                    {part(".skin"), "skin"},
                                    {part(".motion"), "motion"},
                                    {part(".obj"), "mesh"},
+                                   {at("capture/character"), "character"},
+                                   {at("run/actor.pt"), "actor"},
                                    {at("capture"), "capture"}}) {
     const Outcome info = run("info " + file + " --json");
     ASSERT_EQ(info.code, 0) << info.err;
