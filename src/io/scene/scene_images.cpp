@@ -132,7 +132,7 @@ fs::path find_image(const fs::path& scene_file, std::string name) {
   if (name.empty()) return {};
   const std::optional<TileName> tiles = tile_name_of(name);
   if (!tiles || !tiles->is_pattern) return find_named_image(scene_file, name);
-  constexpr int kRows = 10;  // that are searched for the first tile
+  constexpr int kRows = 2;  // of tiles, in which the first one is sought
   for (int tile = 0; tile < kTilesAlongU * kRows; ++tile)
     if (fs::path found = find_named_image(scene_file, tiles->of(tile % kTilesAlongU, tile / kTilesAlongU));
         !found.empty())
