@@ -82,9 +82,10 @@ bool has_wrong_keypoints(const Examination& examination) {
                      [](const Finding& finding) { return finding.fault == faults::kWrongKeypoints; });
 }
 
-/// What was measured of masks by keypoints says nothing when these are of other footage.
-void forget_keypoints(std::vector<SequenceFootage>& footage) {
-  for (SequenceFootage& sequence : footage)
+/// What was measured of masks and views by keypoints says nothing when these are of other footage.
+void forget_keypoints(Examination& examination) {
+  std::erase_if(examination.findings, [](const Finding& finding) { return finding.fault == faults::kOutOfView; });
+  for (SequenceFootage& sequence : examination.footage)
     for (FootageExamination& camera : sequence)
       for (ImageFacts& facts : camera.images) {
         facts.points_on_mask = facts.body_on_mask = facts.bones_on_mask = -1.0;
@@ -107,7 +108,7 @@ Examination examine_capture(const Capture& capture, const DoctorOptions& options
       examination.footage.back().push_back(examine_footage(capture, static_cast<int>(s), examination.seen, c, rig));
   }
   examine_images(examination.seen, rig, examination.footage, examination.findings);
-  if (has_wrong_keypoints(examination)) forget_keypoints(examination.footage);
+  if (has_wrong_keypoints(examination)) forget_keypoints(examination);
   examine_masks(examination.seen, rig, examination.footage, examination.findings);
   examination.findings = sorted_findings(std::move(examination.findings), camera_names(examination.seen));
   return examination;
