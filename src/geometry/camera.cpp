@@ -13,7 +13,6 @@ namespace {
 
 constexpr double kAspectTolerance = 0.01;
 constexpr double kRotationTolerance = 1e-4;
-constexpr int kMaxSide = 1 << 16;
 constexpr double kMaxNumber = 1e9;
 constexpr int kMaxNewtonSteps = 40;
 constexpr double kConverged = 1e-13, kDifference = 1e-6, kTiny = 1e-12;
@@ -140,8 +139,8 @@ Camera Camera::cropped(double u0, double v0, double scale, int new_width, int ne
 std::vector<std::string> Camera::faults() const {
   std::vector<std::string> found;
   const auto add = [&](std::string sentence) { found.push_back(fmt::format("camera {}: {}", name, sentence)); };
-  if (width <= 0 || height <= 0 || width > kMaxSide || height > kMaxSide) {
-    add(fmt::format("the image size is {}x{}, allowed is 1 to {} pixels per side", width, height, kMaxSide));
+  if (width <= 0 || height <= 0 || width > kMaxImageSide || height > kMaxImageSide) {
+    add(fmt::format("the image size is {}x{}, allowed is 1 to {} pixels per side", width, height, kMaxImageSide));
   }
   const bool finite = K.allFinite() && R.allFinite() && t.allFinite() &&
                       std::all_of(distortion.begin(), distortion.end(), [](double k) { return std::isfinite(k); });

@@ -16,6 +16,9 @@ enum class Lens {
   polynomial,  ///< k1 k2 p1 p2 k3 k4: as opencv, but with x (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8): Metashape
 };
 
+/// The longest side of an image that is read from a file, pixels: memory is allocated by it.
+inline constexpr int kMaxImageSide = 1 << 16;
+
 /// A calibrated camera with lens distortion.
 ///
 /// World and camera coordinates are in metres. The camera looks along +z, with x to the right and y down. The image

@@ -3,13 +3,13 @@
 #include "doppel/calibration/formats/camera_parts.h"
 #include "doppel/calibration/formats/format.h"
 #include "doppel/core/text_reader.h"
+#include "doppel/geometry/camera.h"
 
 namespace doppel {
 namespace {
 
 constexpr const char* kActorsHqHeader = "name,w,h,rx,ry,rz,tx,ty,tz,fx,fy,px,py";
 constexpr std::size_t kActorsHqColumns = 13;
-constexpr long kActorsHqMaxSide = 1 << 16;
 
 Camera read_actorshq_row(const TextReader& row) {
   const auto value = [&](std::size_t column, const char* what) {
@@ -18,8 +18,8 @@ Camera read_actorshq_row(const TextReader& row) {
   Camera camera;
   camera.name = std::string(row.tokens()[0]);
   if (camera.name.empty()) row.fail_here("reading a camera calibration: the name of a camera is missing");
-  camera.width = static_cast<int>(row.integer(1, "w", 1, kActorsHqMaxSide));
-  camera.height = static_cast<int>(row.integer(2, "h", 1, kActorsHqMaxSide));
+  camera.width = static_cast<int>(row.integer(1, "w", 1, kMaxImageSide));
+  camera.height = static_cast<int>(row.integer(2, "h", 1, kMaxImageSide));
   const Eigen::Vector3d turn(value(3, "rx"), value(4, "ry"), value(5, "rz"));
   const Eigen::Vector3d centre(value(6, "tx"), value(7, "ty"), value(8, "tz"));
   camera.K = intrinsics(value(9, "fx") * camera.width, value(10, "fy") * camera.height, value(11, "px") * camera.width,

@@ -14,7 +14,6 @@ namespace {
 
 constexpr std::uintmax_t kMaxJsonBytes = 256 << 20;
 constexpr int kMaxJsonDepth = 64;
-constexpr int kMaxImageSide = 1 << 16;
 constexpr double kMendableRotation = 1e-2;  // how far R R^T of a rounded rotation may be off the identity
 
 double offset_of(PixelCentre centre) { return centre == PixelCentre::integer ? 0.5 : 0.0; }

@@ -14,13 +14,13 @@
 #include "doppel/core/excerpt.h"
 #include "doppel/core/file_head.h"
 #include "doppel/core/text_reader.h"
+#include "doppel/geometry/camera.h"
 
 namespace doppel {
 namespace {
 
 constexpr std::uintmax_t kColmapMaxBytes = std::uintmax_t{1} << 30;
 constexpr std::size_t kColmapHeadBytes = 16 << 10;
-constexpr std::uint64_t kColmapMaxSide = 1 << 16;
 constexpr std::int32_t kColmapMaxModel = 64;  // ids beyond are no COLMAP file; 17 is the last one in use
 constexpr std::size_t kFisheyeCoefficients = 4;
 constexpr double kColmapSamePose = 1e-6;
@@ -85,7 +85,7 @@ const ColmapModel* colmap_model(const std::string& name) {
   return nullptr;
 }
 
-bool is_colmap_side(std::uint64_t side) { return side >= 1 && side <= kColmapMaxSide; }
+bool is_colmap_side(std::uint64_t side) { return side >= 1 && side <= std::uint64_t{kMaxImageSide}; }
 
 std::vector<std::string_view> colmap_tokens(std::string_view line) {
   constexpr std::string_view kBlanks = " \t\r";
@@ -414,7 +414,7 @@ Camera colmap_camera(const ColmapImage& image, const ColmapContent& content, con
             lens.parameters.size(), model->name, model->parameters);
   if (!is_colmap_side(lens.width) || !is_colmap_side(lens.height))
     fail_at(lens.where, "reading a camera calibration: camera {} has images of {}x{}, allowed is 1 to {}", image.camera,
-            lens.width, lens.height, kColmapMaxSide);
+            lens.width, lens.height, kMaxImageSide);
   Camera camera;
   camera.name = image.name;
   camera.width = static_cast<int>(lens.width);

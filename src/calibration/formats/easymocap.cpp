@@ -10,6 +10,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/file_head.h"
 #include "doppel/core/text_reader.h"
+#include "doppel/geometry/camera.h"
 
 namespace doppel {
 namespace {
@@ -18,7 +19,6 @@ namespace fs = std::filesystem;
 
 constexpr std::uintmax_t kEasyMocapMaxBytes = 64 << 20;
 constexpr std::size_t kEasyMocapHeadBytes = 16 << 10;
-constexpr double kEasyMocapMaxSide = 1 << 16;
 constexpr std::size_t kEasyMocapCoefficients = 5;
 // EasyMocap writes 6 digits, so its matrices are rotations to 1e-6 only. A matrix with all digits is better than the
 // vector beside it, whose rotation has rounding errors of its own.
@@ -91,9 +91,9 @@ class EasyMocapFile {
     if (!has(key)) return 0;
     const Entry& found = entry(key);
     const std::optional<double> value = parse_number(easymocap_trimmed(found.value));
-    if (!value || *value != std::floor(*value) || std::abs(*value) > kEasyMocapMaxSide) {
+    if (!value || *value != std::floor(*value) || std::abs(*value) > kMaxImageSide) {
       refuse(found.line, fmt::format("{} is \"{}\", expected an integer up to {}", key,
-                                     easymocap_trimmed(found.value.substr(0, 40)), kEasyMocapMaxSide));
+                                     easymocap_trimmed(found.value.substr(0, 40)), kMaxImageSide));
     }
     return std::max(0, static_cast<int>(*value));
   }

@@ -8,6 +8,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
+#include "doppel/geometry/camera.h"
 
 namespace doppel {
 namespace {
@@ -15,7 +16,6 @@ namespace {
 constexpr const char* kHeader = "Skeletool Camera Calibration File V1.0";
 constexpr std::string_view kFamily = "Skeletool Camera Calibration";
 constexpr const char* kKeys = "name, sensor, size, animated, frame, intrinsic, extrinsic, radial";
-constexpr long kSkeletoolImageSide = 1 << 16;
 // Files have about 6 digits, so R is orthonormal to 1e-5. A larger error up to the second bound is rounding and is
 // corrected; beyond that bound the matrix is not a rotation.
 constexpr double kOrthonormal = 1e-4, kMendable = 1e-2;
@@ -92,8 +92,8 @@ class SkeletoolReader {
 
   void read_size() {
     expect_tokens(3);
-    camera_.width = static_cast<int>(reader_.integer(1, "the image width", 1, kSkeletoolImageSide));
-    camera_.height = static_cast<int>(reader_.integer(2, "the image height", 1, kSkeletoolImageSide));
+    camera_.width = static_cast<int>(reader_.integer(1, "the image width", 1, kMaxImageSide));
+    camera_.height = static_cast<int>(reader_.integer(2, "the image height", 1, kMaxImageSide));
     has_size_ = true;
   }
 

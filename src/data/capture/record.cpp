@@ -4,6 +4,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/data/prepare/store.h"
+#include "doppel/geometry/camera.h"
 
 namespace doppel {
 
@@ -11,7 +12,6 @@ namespace {
 
 constexpr std::uint32_t kRecordMagic = 0x43455244;  // "DREC"
 constexpr std::uint32_t kTouchesBorder = 1, kEmpty = 2;
-constexpr int kMaxSide = 1 << 16;
 constexpr std::uint64_t kKeypointSeed = 0x6b657970;  // another version needs another seed
 static_assert(sizeof(Keypoint) == 12, "three floats a landmark are part of the store's format");
 
@@ -55,7 +55,7 @@ RecordHead read_head(const std::string& bytes, const std::string& what) {
   if (head.version != static_cast<std::uint32_t>(kStoreVersion))
     fail("{}: the record has version {}, this program reads version {}; prepare the capture again with --overwrite",
          what, head.version, kStoreVersion);
-  const auto bad_side = [](std::int32_t side) { return side < 1 || side > kMaxSide; };
+  const auto bad_side = [](std::int32_t side) { return side < 1 || side > kMaxImageSide; };
   const bool bad_box = !(head.flags & kEmpty) && bad_side(head.side);
   if (bad_side(head.width) || bad_side(head.height) || bad_side(head.mask_size) || bad_side(head.image_size) || bad_box)
     fail("{}: the record's sizes are impossible; it is damaged", what);

@@ -87,8 +87,7 @@ StoreLayout from_json(const json& document, const FileLocation& where) {
 
 /// What other code indexes with and allocates.
 void check_layout(const StoreLayout& layout, const FileLocation& where) {
-  constexpr int kMaxStoreSide = 1 << 16;
-  const auto bad_side = [](int side) { return side < 1 || side > kMaxStoreSide; };
+  const auto bad_side = [](int side) { return side < 1 || side > kMaxImageSide; };
   bool bad = layout.num_dofs < 1 || bad_side(layout.mask_size) || bad_side(layout.image_size) || layout.cameras.empty();
   for (const PinholeCamera& camera : layout.cameras) bad = bad || !camera.faults().empty();
   for (const int index : layout.file_index) bad = bad || index < 0;
