@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "doppel/core/atomic_file.h"
-#include "doppel/io/scene/texture_tiles.h"
+#include "doppel/io/scene/tile_name.h"
 
 namespace doppel {
 

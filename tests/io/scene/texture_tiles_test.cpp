@@ -6,6 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/io/scene/read_scene.h"
+#include "doppel/io/scene/tile_name.h"
 #include "support/hostile_files.h"
 #include "support/shared_folder.h"
 #include "support/temporary_folder.h"
