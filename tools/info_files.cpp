@@ -117,7 +117,9 @@ Json smpl_facts(const fs::path& path) {
   return json;
 }
 
+/// Markers of a C3D or TRC file move a character; tables of joints are what `joints3d` names.
 Json point_facts(const SpacePoints& points) {
+  const bool markers = points.format == "c3d" || points.format == "trc";
   Json json;
   json["kind"] = "points in space";
   json["format"] = points.format;
@@ -136,7 +138,7 @@ Json point_facts(const SpacePoints& points) {
   const std::size_t all = points.frames.size() * points.names.size();
   json["seen_percent"] = all > 0 ? 100.0 * static_cast<double>(seen) / static_cast<double>(all) : 0.0;
   json["point_names"] = some_names(points.names);
-  json["read_by"] = "doppel animate --motion FILE";
+  json["read_by"] = markers ? "doppel animate --motion FILE" : "`joints3d` in capture.yaml";
   return json;
 }
 
