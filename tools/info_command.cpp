@@ -462,7 +462,7 @@ Command add_info(CLI::App& program) {
   CLI::App* app = program.add_subcommand("info", "Describe a file, and how Doppel reads it");
   app->add_option("path", options->path,
                   "A character or a part of it, a capture, a calibration, a scan, a rigged figure, a motion, markers, "
-                  "keypoints, a video, a picture or an exported actor; or a folder");
+                  "keypoints, a video, an image or an exported actor; or a folder");
   // For scripts/key_tables.sh; without a group the option is not listed.
   app->add_option("--keys", options->keys, "Print a table of the keys of a configuration")->group("");
   app->add_option("--bone-rule", options->bone_rule, "How a bone of the skinning weights finds its joint by name")

@@ -157,7 +157,7 @@ Json video_facts(const fs::path& path) {
   return json;
 }
 
-/// The values of a picture with few of them, as masks and labels have.
+/// The values of an image with few of them, as masks and labels have.
 std::vector<int> few_values(const cv::Mat& image) {
   std::set<int> values;
   const int channels = image.channels();
@@ -166,10 +166,10 @@ std::vector<int> few_values(const cv::Mat& image) {
   return values.size() <= kFileValuesShown ? std::vector<int>(values.begin(), values.end()) : std::vector<int>();
 }
 
-Json picture_facts(const fs::path& path) {
+Json image_facts(const fs::path& path) {
   const cv::Mat image = read_image(path);
   Json json;
-  json["kind"] = "picture";
+  json["kind"] = "image";
   json["width"] = image.cols;
   json["height"] = image.rows;
   json["channels"] = image.channels() == 1   ? "grey"
@@ -275,7 +275,7 @@ const std::vector<DescribedKind>& described_kinds() {
        [](const fs::path& path) { return lower_extension(path) == ".npz" ? smpl_facts(path) : bvh_facts(path); }},
       {"markers", {".c3d", ".trc"}, marker_facts},
       {"videos", {".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv"}, video_facts},
-      {"pictures", {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}, picture_facts},
+      {"images", {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}, image_facts},
       {"keypoints", {".json", ".csv", ".tsv", ".txt"}, facts_by_content},
       {"arrays", {".npy"}, array_facts},
       {"exported actors", {".pt"}, script_facts}};
@@ -327,7 +327,7 @@ std::optional<Json> describe_file(const fs::path& path) {
 
 bool is_footage(const fs::path& path) {
   const DescribedKind* const kind = kind_of(path);
-  return kind && (kind->name == std::string_view("videos") || kind->name == std::string_view("pictures"));
+  return kind && (kind->name == std::string_view("videos") || kind->name == std::string_view("images"));
 }
 
 bool is_described(const fs::path& path) { return kind_of(path) != nullptr; }

@@ -60,7 +60,7 @@ class FoundRest {
   FoundRest(const std::vector<MappedJoint>& joints, const std::vector<Affine3d>& target_rest, const JointTracks& source)
       : joints_(joints), target_(target_rest), source_(source), below_(bones_below(joints)), rest_(source.rest) {
     for (std::size_t n = 0; n < joints_.size(); ++n) {
-      place(n);
+      translate(n);
       turn(n);
     }
   }
@@ -81,7 +81,7 @@ class FoundRest {
   }
   Affine3d& rest_of(const MappedJoint& joint) { return rest_[joint.source]; }
 
-  void place(std::size_t n) {
+  void translate(std::size_t n) {
     if (joints_[n].parent < 0) return;
     const Affine3d& above = rest_of(joints_[joints_[n].parent]);
     rest_of(joints_[n]).translation() = above.translation() + above.linear() * bone(n);

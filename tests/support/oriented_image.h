@@ -12,13 +12,13 @@
 namespace doppel::support {
 
 /// The pixels to be stored so that a viewer that obeys `orientation` shows `shown`. By the words of the EXIF standard:
-/// which side of the shown picture the first row and the first column of the stored one are.
+/// which side of the shown image the first row and the first column of the stored one are.
 inline cv::Mat stored_for(const cv::Mat& shown, int orientation) {
   static const char* const kRowAndColumn[] = {"tl", "tr", "br", "bl", "lt", "rt", "rb", "lb"};
   const char row_side = kRowAndColumn[orientation - 1][0], column_side = kRowAndColumn[orientation - 1][1];
   const bool upright = row_side == 't' || row_side == 'b';
   cv::Mat stored(upright ? shown.size() : cv::Size(shown.rows, shown.cols), shown.type());
-  const auto coordinate = [&](char side, int steps) {  // that many steps away from a side of the shown picture
+  const auto coordinate = [&](char side, int steps) {  // that many steps away from a side of the shown image
     return side == 'r' ? shown.cols - 1 - steps : side == 'b' ? shown.rows - 1 - steps : steps;
   };
   const std::size_t pixel = shown.elemSize();

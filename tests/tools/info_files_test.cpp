@@ -93,7 +93,7 @@ TEST_F(InfoFiles, AMotionAndMarkers) {
   EXPECT_EQ(markers["seen_percent"], 75.0);
 }
 
-TEST_F(InfoFiles, AVideoAndPictures) {
+TEST_F(InfoFiles, AVideoAndImages) {
   cv::VideoWriter video(path("cam0.avi"), cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 25, {64, 48});
   for (int i = 0; i < 5; ++i) video.write(cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(40 * i)));
   video.release();
@@ -105,10 +105,10 @@ TEST_F(InfoFiles, AVideoAndPictures) {
   cv::Mat mask(8, 8, CV_8UC1, cv::Scalar(0));
   mask.rowRange(0, 4).setTo(255);
   cv::imwrite(path("mask.png"), mask);
-  const Json picture = info("mask.png");
-  EXPECT_EQ(picture["kind"], "picture");
-  EXPECT_EQ(picture["channels"], "grey");
-  EXPECT_EQ(picture["values"], Json({0, 255}));
+  const Json image = info("mask.png");
+  EXPECT_EQ(image["kind"], "image");
+  EXPECT_EQ(image["channels"], "grey");
+  EXPECT_EQ(image["values"], Json({0, 255}));
 }
 
 TEST_F(InfoFiles, KeypointsAndJoints) {

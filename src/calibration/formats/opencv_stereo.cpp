@@ -389,10 +389,10 @@ fs::path opencv_stereo_partner(const fs::path& path, const std::string& from, co
 std::vector<std::string> stereo_keys_in(std::string_view head) {
   const bool yaml = head.starts_with("%YAML"), json = head.starts_with('{');
   const std::string_view before = yaml ? "\n" : json ? "\"" : "<", after = yaml ? ":" : json ? "\"" : " >\t\r\n/";
-  constexpr std::size_t kLongestKey = 64;
+  constexpr std::size_t kMaxKeyLength = 64;
   std::vector<std::string> keys;
   for (std::size_t at = head.find(before); at != head.npos; at = head.find(before, at)) {
-    const std::string_view rest = head.substr(++at, kLongestKey);
+    const std::string_view rest = head.substr(++at, kMaxKeyLength);
     const std::string_view key = rest.substr(0, std::min(rest.find_first_of(after), rest.size()));
     const bool is_key =
         !key.empty() && key.size() < rest.size() &&

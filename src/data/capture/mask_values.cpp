@@ -13,9 +13,9 @@ namespace doppel {
 
 namespace {
 
-constexpr int kMasks = 8;                // are looked at
-constexpr std::size_t kMostLabels = 40;  // parts of a body, or classes of a street; soft borders have more values
-constexpr std::size_t kMostNamed = 8;
+constexpr int kMasks = 8;               // are looked at
+constexpr std::size_t kMaxLabels = 40;  // parts of a body, or classes of a street; soft borders have more values
+constexpr std::size_t kMaxNamedValues = 8;
 constexpr double kLargePart = 1.0 / 3.0;
 
 int usual_threshold() { return SequenceEntry().mask_threshold; }
@@ -41,11 +41,11 @@ int MaskValues::highest() const {
 
 std::optional<int> MaskValues::needed_threshold() const {
   if (lowest() == highest() || highest() >= usual_threshold()) return std::nullopt;
-  return values_of(*this).size() <= kMostLabels ? lowest() + 1 : (lowest() + highest() + 1) / 2;
+  return values_of(*this).size() <= kMaxLabels ? lowest() + 1 : (lowest() + highest() + 1) / 2;
 }
 
 bool MaskValues::has_dark_labels() const {
-  if (values_of(*this).size() > kMostLabels) return false;
+  if (values_of(*this).size() > kMaxLabels) return false;
   const auto behind_lowest = pixels.begin() + lowest() + 1, usual = pixels.begin() + usual_threshold();
   if (behind_lowest >= usual) return false;
   const long dark = std::accumulate(behind_lowest, usual, 0L);
@@ -54,7 +54,7 @@ bool MaskValues::has_dark_labels() const {
 
 std::string MaskValues::to_string() const {
   const std::vector<int> values = values_of(*this);
-  if (values.size() > kMostNamed) return fmt::format("{} to {}", values.front(), values.back());
+  if (values.size() > kMaxNamedValues) return fmt::format("{} to {}", values.front(), values.back());
   return fmt::format("{}", fmt::join(values, ", "));
 }
 

@@ -19,25 +19,25 @@ constexpr double kClearGain = 0.08;    ///< of the contrast between activity on 
 constexpr double kGoodContrast = 0.5;  ///< that a correction must reach
 constexpr double kRejected = 0.2;      ///< contrast below which a video speaks against its keypoints
 constexpr double kClearlyElsewhere =
-    0.2;  ///< contrast that limbs gain at another place, in a video that speaks against them
+    0.2;  ///< contrast that limbs gain at another position, in a video that speaks against them
 constexpr double kPerhapsElsewhere = 0.1;       ///< the same, of a correction that is not believed
-constexpr double kStepAside = 0.1;              ///< between the places that are tried, of the limbs' size
-constexpr int kStepsAside = 6, kNearSteps = 1;  ///< in each direction; so near is the same place
-constexpr double kMostActive = 0.3;             ///< share of the image: more is a camera or a lamp that moves
+constexpr double kStepAside = 0.1;              ///< between the positions that are tried, of the limbs' size
+constexpr int kStepsAside = 6, kNearSteps = 1;  ///< in each direction; so near is the same position
+constexpr double kMaxActiveShare = 0.3;         ///< share of the image: more is a camera or a lamp that moves
 constexpr double kLimbWidth = 0.07;             ///< of the person's size
 constexpr double kActiveShare = 0.05;           ///< of the limbs' pixels: fewer active ones are noise, or a small thing
 constexpr double kShareOfImages = 0.5;          ///< that must have so many active pixels
-constexpr double kMovingShare = 0.1;      ///< of the limbs' pixels that leave the place where the limbs usually are
+constexpr double kMovingShare = 0.1;      ///< of the limbs' pixels that leave the position where the limbs usually are
 constexpr int kJitter = 5;                ///< pixels, diameter by which limbs may waver without moving
 constexpr double kActiveDifference = 12;  ///< grey levels
-constexpr std::size_t kFewestImages = 5;
+constexpr std::size_t kMinImages = 5;
 
 using SmallImages = std::vector<cv::Mat>;
 
 /// Where small images differ from their median, one image for each.
 SmallImages activity_of(const FootageExamination& camera) {
   SmallImages active;
-  if (camera.small.size() < kFewestImages) return active;
+  if (camera.small.size() < kMinImages) return active;
   cv::Mat background(camera.small[0].size(), CV_8UC1);
   for (int y = 0; y < background.rows; ++y)
     for (int x = 0; x < background.cols; ++x) {
@@ -71,7 +71,7 @@ struct ActivityMatch {
   /// Whether the person may be where the limbs are.
   bool may_be_good() const { return contrast >= kGoodContrast && images_on >= kShareOfImages; }
   /// Whether much moves, and neither the camera nor the light.
-  bool is_known() const { return images_all >= kShareOfImages && active <= kMostActive; }
+  bool is_known() const { return images_all >= kShareOfImages && active <= kMaxActiveShare; }
 };
 
 /// @param limbs one image for each of `active`; empty ones: nobody is seen
@@ -129,7 +129,7 @@ double size_of(const SmallImages& limbs) {
   return sizes.empty() ? 0.0 : median(sizes);
 }
 
-/// The largest contrast of the limbs at other places of the image. If they are where the person is, it is none that
+/// The largest contrast of the limbs at other positions in the image. If they are where the person is, it is none that
 /// is larger than theirs.
 double contrast_elsewhere(const SmallImages& active, const SmallImages& limbs) {
   const double step = std::max(2.0, kStepAside * size_of(limbs)), all = pixels_of(limbs);
@@ -149,7 +149,7 @@ bool is_good(const ActivityMatch& match, const SmallImages& active, const SmallI
   return match.may_be_good() && contrast_elsewhere(active, limbs) <= match.contrast + kPerhapsElsewhere;
 }
 
-/// Whether much moves, but hardly more where the limbs are than elsewhere, or as the limbs do at another place.
+/// Whether much moves, but hardly more where the limbs are than elsewhere, or as the limbs do at another position.
 bool is_rejected(const ActivityMatch& match, const SmallImages& active, const SmallImages& limbs) {
   return match.is_known() &&
          (match.contrast < kRejected || contrast_elsewhere(active, limbs) > match.contrast + kClearlyElsewhere);

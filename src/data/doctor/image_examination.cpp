@@ -20,7 +20,7 @@ constexpr double kTimesSpread = 4.0;                            ///< and of the 
 constexpr double kJumpOfExposure = 0.12;                        ///< stops between two images
 constexpr double kBlurRatio = 1.7, kBlurPixels = 0.7;  ///< of the edges' width, against the median of the others
 constexpr double kDoubled = 0.2, kMoving = 0.5;        ///< change of an image, of the usual change
-constexpr double kLeastChange = 0.15;                  ///< grey levels: below, nothing moves
+constexpr double kMinChange = 0.15;                    ///< grey levels: below, nothing moves
 constexpr double kJump = 1.7;                          ///< the same, over its neighbours and the other cameras
 constexpr double kGapOfStamps = 1.6;                   ///< of the usual distance of time stamps
 constexpr double kDoubledWarning = 0.02, kDoubledFault = 0.05;  ///< share of the frames
@@ -165,7 +165,7 @@ class ImageJudge {
         if (j != i && images[j].change >= 0.0) around.push_back(images[j].change);
       // the upper half: in a video with many doubled frames, the median is none that changes
       const double level = quantile(around, 0.7);
-      if (around.size() >= 4 && level > kLeastChange) ratios[images[i].row] = images[i].change / level;
+      if (around.size() >= 4 && level > kMinChange) ratios[images[i].row] = images[i].change / level;
     }
     return ratios;
   }

@@ -24,8 +24,8 @@ std::string take_digits(std::string_view name, std::size_t& i) {
   return digits;
 }
 
-constexpr long kMaxFrameNumber = 999'999'999;                  ///< more is a time: half a year of video
-constexpr double kShortestFrame = 5e-4, kLongestFrame = 10.0;  ///< seconds between pictures that a name may count in
+constexpr long kMaxFrameNumber = 999'999'999;                       ///< more is a time: half a year of video
+constexpr double kMinFrameSeconds = 5e-4, kMaxFrameSeconds = 10.0;  ///< seconds between images that a name may count in
 
 /// A name without folder and extension, cut at its numbers: text, number, ..., text.
 struct CutName {
@@ -111,7 +111,7 @@ bool are_fractions(const std::vector<CutName>& names, const std::vector<long>& n
                                 [&](const CutName& name) { return name.numbers.back().size() == digits; });
   if (!same || (digits != 2 && digits != 3 && digits != 6 && digits != 9)) return false;
   const double step = static_cast<double>(smallest_step(numbers)) / std::pow(10.0, static_cast<double>(digits));
-  return smallest_step(numbers) > 1 && step >= kShortestFrame && step <= kLongestFrame;
+  return smallest_step(numbers) > 1 && step >= kMinFrameSeconds && step <= kMaxFrameSeconds;
 }
 
 }  // namespace

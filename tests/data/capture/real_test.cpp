@@ -110,7 +110,7 @@ TEST_F(RealFootage, APortraitVideoIsUpright) {
   EXPECT_LT(difference(frame, shown), 5.0) << "21.6 upside down";
 }
 
-TEST_F(RealFootage, PicturesOfTwoOrientationsShowTheSame) {
+TEST_F(RealFootage, ImagesOfTwoOrientationsShowTheSame) {
   const fs::path folder = "03-exif-orientation";
   const cv::Mat upright = first(folder / "orientation1/{frame:06}.jpg"),
                 turned = first(folder / "orientation6/{frame:06}.jpg");

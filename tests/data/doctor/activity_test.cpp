@@ -55,7 +55,7 @@ class DoctorActivity : public ::testing::Test {
   }
   Examination examined() const { return examine_capture(read_capture(folder_ / "patient")); }
 
-  /// Only one picture of each video, with some noise, and a small thing that moves in it.
+  /// Only one image of each video, with some noise, and a small thing that moves in it.
   void stand_still(Patient& patient, int seed, double keypoint_noise, double sensor_noise) {
     patient.capture.sequences[0].masks = CameraPaths();
     patient.save();
@@ -123,18 +123,17 @@ class DoctorActivity : public ::testing::Test {
       });
   }
 
-  /// The videos as one picture for each frame.
-  static void write_pictures(Patient& patient) {
+  /// The videos as one image for each frame.
+  static void write_images(Patient& patient) {
     for (int c = 0; c < 4; ++c) {
       const std::string name = patient.cameras()[c].name;
-      fs::create_directories(patient.folder / "pictures" / name);
+      fs::create_directories(patient.folder / "images" / name);
       const auto reader =
           open_frames(patient.capture.source(patient.capture.sequences[0].videos, c, name), PixelFormat::colour);
       for (long frame = 0; frame < reader->num_frames(0); ++frame)
-        cv::imwrite((patient.folder / "pictures" / name / fmt::format("{:06}.png", frame)).string(),
-                    reader->read(frame));
+        cv::imwrite((patient.folder / "images" / name / fmt::format("{:06}.png", frame)).string(), reader->read(frame));
     }
-    patient.capture.sequences[0].videos = CameraPaths("pictures/{name}/{frame:06}.png");
+    patient.capture.sequences[0].videos = CameraPaths("images/{name}/{frame:06}.png");
     patient.save();
   }
 
@@ -177,7 +176,7 @@ TEST_F(DoctorActivity, OfVideosThatAreFlippedIsStillNamed) {
     Patient flipped = patient();
     flipped.capture.sequences[0].masks = CameraPaths();
     flipped.save();
-    // The person stands in the right half of the picture.
+    // The person stands in the right half of the image.
     for (int c = 0; c < 4; ++c) {
       const auto shift = [&](cv::Mat& image) {
         cv::Mat moved;
@@ -212,11 +211,11 @@ TEST_F(DoctorActivity, OfVideosThatAreFlippedIsStillNamed) {
   }
 }
 
-TEST_F(DoctorActivity, CamerasWithoutSomePicturesHaveNoLight) {
+TEST_F(DoctorActivity, CamerasWithoutSomeImagesHaveNoLight) {
   Patient missing = patient();
-  write_pictures(missing);
+  write_images(missing);
   EXPECT_EQ(told(examined()), "healthy");
-  for (const char* picture : {"000007.png", "000008.png"}) fs::remove(missing.folder / "pictures/2" / picture);
+  for (const char* image : {"000007.png", "000008.png"}) fs::remove(missing.folder / "images/2" / image);
   const Examination examination = examined();
   ASSERT_FALSE(examination.findings.empty());
   EXPECT_EQ(examination.findings[0].fault, "unreadable");

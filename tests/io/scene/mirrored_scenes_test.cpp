@@ -70,7 +70,7 @@ TEST(MirroredScenes, TwoMirrorsCancel) {
   }
 }
 
-// The joints place a skinned mesh; its own node does not move it.
+// The joints move a skinned mesh; its own node does not.
 TEST(MirroredScenes, TheJointsDecideForASkinnedMesh) {
   GltfWriter file = tetrahedron(true);
   file.json["nodes"][1]["scale"] = {-1, 1, 1};

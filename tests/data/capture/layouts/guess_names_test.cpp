@@ -85,8 +85,8 @@ class GuessedNames : public ::testing::Test {
       file.write(cv::Mat(test_capture::kHeight, test_capture::kWidth, CV_8UC3, cv::Scalar::all(10 * f)));
     file.close();
   }
-  /// A grey picture; its brightness tells which one it is.
-  void picture(const std::string& path, int brightness = 0) {
+  /// A grey image; its brightness tells which one it is.
+  void image(const std::string& path, int brightness = 0) {
     fs::create_directories((folder_ / path).parent_path());
     cv::imwrite((folder_ / path).string(),
                 cv::Mat(test_capture::kHeight, test_capture::kWidth, CV_8UC3, cv::Scalar::all(brightness)));
@@ -131,7 +131,7 @@ TEST_F(GuessedNames, CamerasOfDifferentMakersAndFoldersInside) {
   video("videos/cam0/100GOPRO/GX010500.MP4");
   video("videos/cam1/DCIM/DSC_0007.MP4");
   for (int c = 0; c < 2; ++c)
-    for (int f = 0; f < 3; ++f) picture(fmt::format("masks/cam{}/GX01050{}/{:04}.png", c, 7 * c, f), 255);
+    for (int f = 0; f < 3; ++f) image(fmt::format("masks/cam{}/GX01050{}/{:04}.png", c, 7 * c, f), 255);
   const CaptureGuess found = guess();
   ASSERT_EQ(found.capture.sequences.size(), 1u) << all_of(found.found);
   EXPECT_EQ(found.capture.sequences[0].masks, CameraPaths({{"cam0", "masks/cam0/GX010500/{frame:04}.png"},
@@ -159,8 +159,8 @@ TEST_F(GuessedNames, NamesByPersonsAreNotJoined) {
 
 TEST_F(GuessedNames, CamerasThatNumberTheirImages) {
   for (int f = 0; f < 5; ++f) {
-    picture(fmt::format("cam0/DSC_{:04}.jpg", 123 + f));
-    picture(fmt::format("cam1/DSC_{:04}.jpg", 456 + f));
+    image(fmt::format("cam0/DSC_{:04}.jpg", 123 + f));
+    image(fmt::format("cam1/DSC_{:04}.jpg", 456 + f));
   }
   const CaptureGuess found = guess();
   ASSERT_EQ(found.capture.sequences.size(), 1u) << all_of(found.found);
@@ -299,7 +299,7 @@ TEST_F(GuessedTables, TheFirstImagesMayShowNobody) {
 TEST_F(GuessedNames, ImagesAndKeypointsMayCountFromTheSameNumber) {
   for (int c = 0; c < 2; ++c)
     for (int f = 0; f < kFrames; ++f) {
-      picture(fmt::format("images/cam{}/{:06}.png", c, f + 1), f);
+      image(fmt::format("images/cam{}/{:06}.png", c, f + 1), f);
       text(fmt::format("same/cam{}/{:06}.json", c, f + 1), openpose_file(f));
     }
   EXPECT_TRUE(guess().capture.sequences.at(0).keypoint_offset.empty());
@@ -313,7 +313,7 @@ TEST_F(GuessedNames, ImagesAndKeypointsMayCountFromTheSameNumber) {
 
 // ---- times ----
 
-/// Twelve times from a second to the next, in the form of the name of a picture.
+/// Twelve times from a second to the next, in the form of the name of an image.
 std::vector<std::string> times(const std::string& form) {
   std::vector<std::string> names;
   for (int f = 0; f < kFrames; ++f) {
@@ -339,7 +339,7 @@ TEST_F(GuessedNames, ImagesNamedByTimesAreInTheirOrder) {
     fs::remove_all(folder_ / "images");
     for (int c = 0; c < 2; ++c) {
       for (int f = 0; f < kFrames; ++f)
-        picture(fmt::format("images/cam{}/{}", c, names[static_cast<std::size_t>(f)]), 10 * f);
+        image(fmt::format("images/cam{}/{}", c, names[static_cast<std::size_t>(f)]), 10 * f);
       text(fmt::format("keypoints/cam{}.json", c), alphapose_file(names));
     }
     const CaptureGuess found = guess();
@@ -401,11 +401,11 @@ TEST_F(RealGuessedNames, TablesThatWereOverlooked) {
     EXPECT_EQ(guess_of(narrow + table).capture.sequences.at(0).keypoints, "keypoints/cam0.csv") << table;
 }
 
-TEST_F(RealGuessedNames, PicturesNamedByTimes) {
-  const CaptureGuess pictures = guess_of("29-pictures-named-by-time-stamps/pictures");
-  ASSERT_EQ(pictures.capture.sequences.size(), 1u) << all_of(pictures.found);
-  EXPECT_EQ(pictures.capture.sequences[0].videos, "images/{name}");
-  EXPECT_TRUE(pictures.capture.sequences[0].frame_offset.empty());
+TEST_F(RealGuessedNames, ImagesNamedByTimes) {
+  const CaptureGuess images = guess_of("29-pictures-named-by-time-stamps/pictures");
+  ASSERT_EQ(images.capture.sequences.size(), 1u) << all_of(images.found);
+  EXPECT_EQ(images.capture.sequences[0].videos, "images/{name}");
+  EXPECT_TRUE(images.capture.sequences[0].frame_offset.empty());
   const CaptureGuess video = guess_of("29-pictures-named-by-time-stamps/video");
   EXPECT_EQ(video.capture.sequences.at(0).keypoints, "keypoints/{name}.json");
   EXPECT_TRUE(video.capture.sequences[0].keypoint_offset.empty());
