@@ -83,7 +83,7 @@ int init(const InitArguments& arguments, const CommonOptions& common) {
 constexpr char kAmendExample[] =
     "Examples:\n"
     "  doppel capture amend recordings/anna --calibration refined.yml --out refined.yaml\n"
-    "  doppel capture amend recordings/anna --hold-out --out takes.yaml";
+    "  doppel capture amend recordings/anna --hold-out --out split.yaml";
 
 struct AmendArguments {
   std::string capture, calibration, character, landmarks;

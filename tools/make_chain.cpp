@@ -107,7 +107,7 @@ double MakeChain::seconds() const {
                          [](double sum, const Json& step) { return sum + step["seconds"].get<double>(); });
 }
 
-void MakeChain::show_place(const std::string& name) {
+void MakeChain::show_position(const std::string& name) {
   const auto planned = std::find_if(plan_.begin(), plan_.end(), [&](const PlannedStep& s) { return s.name == name; });
   if (planned == plan_.end()) return;
   // The machine is as much slower than the guess as it was in the steps before.
@@ -115,10 +115,10 @@ void MakeChain::show_place(const std::string& name) {
   for (auto step = plan_.begin(); step != planned; ++step) expected += step->seconds;
   const double slower = expected > 0.0 ? std::clamp(seconds() / expected, 0.25, 8.0) : 1.0;
   ProgressChain chain;
-  chain.place = fmt::format("[{}/{}]", planned - plan_.begin() + 1, plan_.size());
+  chain.position = fmt::format("[{}/{}]", planned - plan_.begin() + 1, plan_.size());
   chain.step_seconds = slower * planned->seconds;
   for (auto step = planned + 1; step != plan_.end(); ++step) chain.later_seconds += slower * step->seconds;
-  fmt::print(stderr, "{} {} (whole chain: about {} left)\n", chain.place, name,
+  fmt::print(stderr, "{} {} (whole chain: about {} left)\n", chain.position, name,
              format_duration(chain.step_seconds + chain.later_seconds));
   set_progress_chain(chain);
 }
@@ -131,7 +131,7 @@ Json MakeChain::run(const std::string& name, const std::vector<std::string>& wor
     return results_in(results);
   }
   steps_.erase(steps_.begin() + static_cast<std::ptrdiff_t>(next_), steps_.end());
-  show_place(name);
+  show_position(name);
   fmt::print(stderr, "    {}\n", command);
   std::vector<std::string> all{"doppel"};
   all.insert(all.end(), words.begin(), words.end());

@@ -45,7 +45,7 @@ class MakeChain {
 
  private:
   std::filesystem::path results_file(const std::string& name) const;
-  void show_place(const std::string& name);
+  void show_position(const std::string& name);
   void write() const;
 
   std::filesystem::path out_;

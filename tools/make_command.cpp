@@ -19,6 +19,7 @@
 #include "doppel/core/log.h"
 #include "doppel/data/capture/filmed_sequence.h"
 #include "doppel/data/capture/find_capture.h"
+#include "doppel/data/capture/hold_out.h"
 #include "make_chain.h"
 #include "make_recipe.h"
 #include "make_report.h"
@@ -37,9 +38,9 @@ constexpr char kMakeExample[] =
     "  doppel make recordings/anna --out anna --minutes 20\n"
     "  doppel make recordings/anna --out anna --stop-after track\n"
     "FOLDER holds a video of each camera and a calibration of any known format (docs/calibration.md), and perhaps a "
-    "capture.yaml,\nkeypoints, masks, images of the empty scene, a character or a scan. Stopped or killed, the same "
+    "capture.yaml,\nkeypoints, masks, images of the empty scene or a character. Stopped or killed, the same "
     "command goes on.";
-const std::vector<std::string> kSteps{"describe", "detect",  "doctor", "takes",    "fit",    "track",
+const std::vector<std::string> kSteps{"describe", "detect",  "doctor", "split",    "fit",    "track",
                                       "prepare",  "measure", "train",  "evaluate", "export", "animate"};
 
 struct MakeArguments {
@@ -49,11 +50,11 @@ struct MakeArguments {
   bool keep_going = false;
 };
 
-/// Pictures of all cameras and sequences, and what they are worth.
+/// Images of all cameras and sequences, and what they are worth.
 struct FootageSize {
   long frames = 0, train_frames = 0, cameras = 0;
   int longer_side = 0;
-  double pictures() const { return static_cast<double>(frames * cameras); }
+  double images() const { return static_cast<double>(frames * cameras); }
 };
 
 FootageSize size_of(const Capture& capture) {
@@ -72,14 +73,14 @@ FootageSize size_of(const Capture& capture) {
 
 /// Guesses of a core of 2.4 GHz; MakeChain corrects them by the machine.
 std::vector<PlannedStep> plan_of(const FootageSize& size, double minutes) {
-  const double pictures = size.pictures(), frames = static_cast<double>(size.frames);
+  const double images = size.images(), frames = static_cast<double>(size.frames);
   std::vector<PlannedStep> plan{{"describe", 1.0},
-                                {"detect", 0.3 * pictures},
-                                {"doctor", 20.0 + 0.01 * pictures},
-                                {"takes", 1.0},
+                                {"detect", 0.3 * images},
+                                {"doctor", 20.0 + 0.01 * images},
+                                {"split", 1.0},
                                 {"fit", 120.0},
                                 {"track", 0.05 * frames * static_cast<double>(size.cameras)},
-                                {"prepare", 0.02 * pictures},
+                                {"prepare", 0.02 * images},
                                 {"measure", 60.0}};
   double before = 0.0;
   for (const PlannedStep& step : plan) before += step.seconds;
@@ -103,6 +104,8 @@ class Make {
     size_ = size_of(guess.capture);
     std::vector<std::string> inputs = capture_inputs(guess.capture);
     inputs.push_back(fmt::format("--minutes {}", arguments_.minutes));
+    if (!arguments_.scan.empty())
+      inputs.push_back(fmt::format("--scan {}, {} bytes", arguments_.scan, fs::file_size(arguments_.scan)));
     chain_.emplace(arguments_.out, common, std::move(inputs), plan_of(size_, arguments_.minutes));
   }
 
@@ -112,7 +115,7 @@ class Make {
     const std::array<std::pair<const char*, Step>, 12> steps{{{"describe", &Make::describe},
                                                               {"detect", &Make::detect},
                                                               {"doctor", &Make::examine},
-                                                              {"takes", &Make::divide},
+                                                              {"split", &Make::split},
                                                               {"fit", &Make::find_body},
                                                               {"track", &Make::track},
                                                               {"prepare", &Make::prepare},
@@ -145,8 +148,14 @@ class Make {
   std::string out(const std::string& name) const { return (arguments_.out / name).string(); }
 
   [[noreturn]] void fail_incomplete(const CaptureGuess& guess) const {
-    for (const std::string& sentence : guess.missing) fmt::print(stderr, "missing: {}\n", sentence);
+    for (const std::string& sentence : guess.missing)
+      if (!sentence.starts_with("no character")) fmt::print(stderr, "missing: {}\n", sentence);
     fail("{} is not enough for an actor: calibration or footage is missing (see above)", arguments_.folder.string());
+  }
+
+  template <typename Property>
+  static bool any_sequence(const Capture& capture, Property has) {
+    return std::any_of(capture.sequences.begin(), capture.sequences.end(), has);
   }
 
   Json step(const std::string& name, const std::vector<std::string>& words, int failing = 0) {
@@ -160,9 +169,10 @@ class Make {
 
   void detect() {
     const Capture capture = find_capture(capture_);
-    const bool points = !capture.has_keypoints();
-    const bool masks = std::any_of(capture.sequences.begin(), capture.sequences.end(),
-                                   [](const SequenceEntry& sequence) { return !sequence.has_masks(); });
+    // A capture has one layout of keypoints, so those that are found replace those of the folder.
+    const bool points = !capture.detector &&
+                        any_sequence(capture, [](const SequenceEntry& sequence) { return sequence.keypoints.empty(); });
+    const bool masks = any_sequence(capture, [](const SequenceEntry& sequence) { return !sequence.has_masks(); });
     if (!points && !masks) return chain_->skip("detect", "the folder has keypoints and masks");
     std::vector<std::string> words{"detect", capture_, "--out", out("detected")};
     if (masks) words.push_back("--masks");
@@ -171,9 +181,9 @@ class Make {
     capture_ = out("detected/capture.yaml");
   }
 
-  /// The names of the faults in what `doctor` has printed.
-  static std::set<std::string> faults_of(const Json& examination) {
-    std::set<std::string> faults;
+  /// The names of the faults in what `doctor` has printed, once for each camera.
+  static std::multiset<std::string> faults_of(const Json& examination) {
+    std::multiset<std::string> faults;
     for (const Json& finding : examination.at("findings"))
       if (finding.at("severity") == "fault") faults.insert(finding.at("fault").get<std::string>());
     return faults;
@@ -198,13 +208,16 @@ class Make {
   /// Mends what `calibrate sync` and `calibrate refine` can mend, and keeps the result if it has fewer faults.
   /// @return what `doctor` says of the capture that is kept
   Json mend(const Json& found) {
-    const std::set<std::string> faults = faults_of(found);
+    const std::multiset<std::string> faults = faults_of(found);
     std::string mended = capture_;
     if (faults.count("out_of_sync") + faults.count("rolling_offset") > 0) {
-      std::vector<std::string> words{"calibrate", "sync", mended, "--out", out("synced.yaml")};
-      if (faults.count("rolling_offset") > 0) words.push_back("--drift");
-      step("sync", words);
-      mended = out("synced.yaml");
+      for (const SequenceEntry& sequence : find_capture(mended).sequences) {
+        std::vector<std::string> words{"calibrate",       "sync", mended, "--sequence", sequence.name, "--out",
+                                       out("synced.yaml")};
+        if (faults.count("rolling_offset") > 0) words.push_back("--drift");
+        step("sync " + sequence.name, words);
+        mended = out("synced.yaml");
+      }
     }
     if (faults.count("moved_camera") + faults.count("focal_length") > 0) {
       std::vector<std::string> words{"calibrate", "refine", mended, "--out", out("refined.yml")};
@@ -220,9 +233,15 @@ class Make {
     return after;
   }
 
-  void divide() {
-    step("takes", {"capture", "amend", capture_, "--hold-out", "--out", out("takes.yaml")});
-    capture_ = out("takes.yaml");
+  void split() {
+    step("split", {"capture", "amend", capture_, "--hold-out", "--out", out("split.yaml")});
+    capture_ = out("split.yaml");
+    const Capture capture = find_capture(capture_);
+    for (const Split needed : {Split::train, Split::test})
+      if (std::none_of(capture.sequences.begin(), capture.sequences.end(),
+                       [needed](const SequenceEntry& sequence) { return sequence.split == needed; }))
+        fail("{} has no sequence for the split {}; sequences of fewer than {} frames are not divided",
+             arguments_.folder.string(), to_string(needed), kMinDividedRows);
   }
 
   void find_body() {
@@ -319,9 +338,9 @@ class Make {
     fs::copy_file(arguments_.out / "animation" / "animation.glb", arguments_.out / "actor.glb",
                   fs::copy_options::overwrite_existing);
     const Capture capture = find_capture(capture_);
-    const fs::path character = capture.character_path();
+    // A character of the user may lie beside other files.
     if (!fs::exists(arguments_.out / "character"))
-      fs::copy(character.parent_path(), arguments_.out / "character", fs::copy_options::recursive);
+      write_character(arguments_.out / "character", load_character(capture.character_path()));
   }
 
   MakeArguments arguments_;

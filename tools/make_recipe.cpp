@@ -12,8 +12,8 @@ namespace doppel::tools {
 
 namespace {
 
-constexpr double kRecipeFrames = 300.0, kLargestFactor = 8.0;
-constexpr long kFewestSteps = 50;  // a stage of fewer steps has no end of its schedule
+constexpr double kRecipeFrames = 300.0, kMaxFactor = 8.0;
+constexpr long kMinSteps = 50;  // a stage of fewer steps has no end of its schedule
 
 }  // namespace
 
@@ -30,12 +30,12 @@ std::vector<std::pair<std::string, long>> recipe_steps() {
 std::vector<std::string> fit_recipe(const std::map<std::string, double>& seconds_per_step, long frames, double budget) {
   double whole = 0.0;
   for (const auto& [stage, steps] : recipe_steps()) whole += static_cast<double>(steps) * seconds_per_step.at(stage);
-  const double most = std::clamp(static_cast<double>(frames) / kRecipeFrames, 1.0, kLargestFactor);
+  const double most = std::clamp(static_cast<double>(frames) / kRecipeFrames, 1.0, kMaxFactor);
   const double factor = std::min(most, budget / std::max(whole, 1e-9));
   std::vector<std::string> words;
   for (const auto& [stage, steps] : recipe_steps())
     words.push_back(fmt::format("{}.train.iterations={}", stage,
-                                std::max(kFewestSteps, std::lround(factor * static_cast<double>(steps)))));
+                                std::max(kMinSteps, std::lround(factor * static_cast<double>(steps)))));
   return words;
 }
 

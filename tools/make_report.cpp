@@ -34,7 +34,7 @@ void add_evaluation(std::vector<HtmlCard>& cards, const fs::path& file) {
     add_card(cards, values, "AMVIoU", "AMVIoU, " + method, "of the surface and the masks, frames never trained on");
 }
 
-std::string picture(const fs::path& file, const std::string& caption) {
+std::string image_of(const fs::path& file, const std::string& caption) {
   return fs::exists(file) ? embedded_image(read_file(file), "image/jpeg", caption) : std::string();
 }
 
@@ -70,13 +70,13 @@ void write_make_report(const fs::path& out, const std::string& title, const Json
   }
   add_evaluation(cards, out / "evaluation.json");
   std::string body = html_cards(cards) + links(out);
-  body += picture(out / "character" / "fit.jpg", "The body that was fitted to the videos");
+  body += image_of(out / "character" / "fit.jpg", "The body that was fitted to the videos");
   std::vector<fs::path> sheets;
   if (fs::is_directory(out / "tracked"))
     for (const auto& entry : fs::directory_iterator(out / "tracked"))
       if (entry.path().extension() == ".jpg") sheets.push_back(entry.path());
   std::sort(sheets.begin(), sheets.end());
-  for (const fs::path& sheet : sheets) body += picture(sheet, "Tracking: " + sheet.stem().string());
+  for (const fs::path& sheet : sheets) body += image_of(sheet, "Tracking: " + sheet.stem().string());
   body += html_details("The commands", command_table(steps));
   write_atomically(out / "report.html", html_page(title, body));
 }

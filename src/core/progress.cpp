@@ -77,7 +77,7 @@ void Progress::draw(bool last) {
   }
 
   const std::optional<ProgressChain>& chain = progress_chain();
-  std::string line = chain ? chain->place + " " + title_ : title_;
+  std::string line = chain ? chain->position + " " + title_ : title_;
   if (terminal_) {
     const auto filled = as_size(share * kBarWidth);
     line += " [" + std::string(filled, '=') + std::string(kBarWidth - filled, ' ') + "]";

@@ -30,10 +30,10 @@ class Progress {
   std::chrono::steady_clock::time_point start_, drawn_;
 };
 
-/// The place of the running job in a chain of jobs. While it is set, every Progress of the process shows it, and the
+/// The position of the running job in a chain of jobs. While it is set, every Progress of the process shows it, and the
 /// time that the whole chain still takes.
 struct ProgressChain {
-  std::string place;           ///< before the title: "[3/11]"
+  std::string position;        ///< before the title: "[3/11]"
   double step_seconds = 0.0;   ///< what this job is expected to take
   double later_seconds = 0.0;  ///< what the jobs after it are expected to take
   std::chrono::steady_clock::time_point begin = std::chrono::steady_clock::now();  ///< of this job

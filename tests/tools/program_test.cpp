@@ -36,10 +36,10 @@ Outcome start(const std::string& arguments) {
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(out), read_file(err)};
 }
 
-const std::vector<std::string> kCommands{"synth",         "calibrate",    "capture",   "character", "prepare",
-                                         "doctor",        "train",        "evaluate",  "merge",     "compare",
-                                         "animate",       "export",       "info",      "track",     "track livecap",
-                                         "track deepcap", "track points", "track live"};
+const std::vector<std::string> kCommands{"make",          "synth",         "calibrate",    "capture",   "character",
+                                         "prepare",       "doctor",        "train",        "evaluate",  "merge",
+                                         "compare",       "animate",       "export",       "info",      "track",
+                                         "track livecap", "track deepcap", "track points", "track live"};
 
 TEST(ProgramReference, ExitCodesAndStreamsAreThoseOfTheCommands) {
   EXPECT_EQ(start("--version").out, run("--version").out);

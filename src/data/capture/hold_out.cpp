@@ -10,17 +10,15 @@ namespace doppel {
 
 namespace {
 
-constexpr long kShortestTake = 20;  // rows
-
 bool has_split(const Capture& capture, Split split) {
   return std::any_of(capture.sequences.begin(), capture.sequences.end(),
                      [split](const SequenceEntry& sequence) { return sequence.split == split; });
 }
 
-/// The rows [first, last] of a take as a sequence of its own.
-SequenceEntry part_of(const SequenceEntry& take, Split split, RowRange rows) {
-  SequenceEntry part = take;
-  if (split != Split::train) part.name = take.name + "_" + to_string(split);
+/// The rows [first, last] of a sequence as one of its own.
+SequenceEntry part_of(const SequenceEntry& sequence, Split split, RowRange rows) {
+  SequenceEntry part = sequence;
+  if (split != Split::train) part.name = sequence.name + "_" + to_string(split);
   part.split = split;
   part.first_frame = rows.first;
   part.last_frame = rows.last;
@@ -40,19 +38,19 @@ Capture hold_out(const Capture& capture, const CaptureCameras& filmed, const Hol
         validation, test, validation + test);
   Capture divided = capture;
   divided.sequences.clear();
-  for (const SequenceEntry& take : capture.sequences) {
-    const RowRange rows = take.split == Split::train ? rows_of_sequence(capture, take, filmed) : RowRange();
+  for (const SequenceEntry& sequence : capture.sequences) {
+    const RowRange rows = sequence.split == Split::train ? rows_of_sequence(capture, sequence, filmed) : RowRange();
     const long count = rows.last - rows.first + 1;
-    if (take.split != Split::train || count < kShortestTake || validation + test == 0.0) {
-      divided.sequences.push_back(take);
+    if (sequence.split != Split::train || count < kMinDividedRows || validation + test == 0.0) {
+      divided.sequences.push_back(sequence);
       continue;
     }
     const auto share = [count](double part) { return std::lround(part * static_cast<double>(count)); };
     const long test_begin = rows.last + 1 - share(test), validation_begin = test_begin - share(validation);
-    divided.sequences.push_back(part_of(take, Split::train, {rows.first, validation_begin - 1}));
+    divided.sequences.push_back(part_of(sequence, Split::train, {rows.first, validation_begin - 1}));
     if (validation_begin < test_begin)
-      divided.sequences.push_back(part_of(take, Split::validation, {validation_begin, test_begin - 1}));
-    if (test_begin <= rows.last) divided.sequences.push_back(part_of(take, Split::test, {test_begin, rows.last}));
+      divided.sequences.push_back(part_of(sequence, Split::validation, {validation_begin, test_begin - 1}));
+    if (test_begin <= rows.last) divided.sequences.push_back(part_of(sequence, Split::test, {test_begin, rows.last}));
   }
   return divided;
 }

@@ -9,6 +9,7 @@
 #include "data/capture/capture_fixture.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/data/capture/capture_cameras.h"
+#include "doppel/data/capture/layouts/file_streams.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"
 #include "support/shared_folder.h"
