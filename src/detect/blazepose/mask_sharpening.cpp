@@ -17,6 +17,7 @@ constexpr int kPerson = 128;                          // probability 1/2
 constexpr double kReach = 2.3;                        // cells: farther from the coarse outline, the network is right
 constexpr std::array kWindows{2.3, 1.15, 1.15, 0.6};  // cells, of the passes
 constexpr int kFinePasses = 2;
+constexpr double kMinHalvedCell = 3;                   // pixels: larger ones do not need all pixels of the image
 constexpr double kMinPartArea = 16, kMinHoleArea = 4;  // squared cells
 constexpr float kDeviation = 8;                        // of colours, levels of 255
 constexpr float kMaxLogit = 4;
@@ -44,55 +45,71 @@ Pass coarse_pass(double window) {
 /// makes up for this.
 Pass fine_pass() { return {1, 3, 2, 1.5, 3.0, 0.55f}; }
 
-cv::Mat disc(double radius) {
-  const int whole = std::max(1, static_cast<int>(radius + 0.5));
-  return cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * whole + 1, 2 * whole + 1});
+/// The pixels within a distance of a mask, 255.
+cv::Mat grown(const cv::Mat& mask, int radius) {
+  cv::Mat disc(2 * radius + 1, 2 * radius + 1, CV_8U);
+  for (int y = -radius; y <= radius; ++y)
+    for (int x = -radius; x <= radius; ++x)
+      disc.at<std::uint8_t>(y + radius, x + radius) = x * x + y * y <= radius * radius;
+  cv::Mat result;
+  cv::dilate(mask, result, disc);
+  return result;
 }
+
+/// The pixels of a mask whose distance from all others is larger, 255.
+cv::Mat shrunk(const cv::Mat& mask, int radius) { return ~grown(~mask, radius); }
+
+/// 255 within a distance of the outline of a mask.
+cv::Mat band_around(const cv::Mat& mask, int reach) { return grown(mask, reach) & ~shrunk(mask, reach); }
 
 /// The Gaussian means of the values near to each pixel, where `counted` is not 0. Large windows are stored at a lower
 /// resolution.
+/// @tparam Value a vector whose last element is 1
+template <typename Value>
 class LocalMean {
  public:
   LocalMean() = default;
-  LocalMean(const cv::Mat& values, const cv::Mat& counted, double window) {
-    while (window / shrink_ >= 4) shrink_ *= 2;
-    const cv::Size size(std::max(1, values.cols / shrink_), std::max(1, values.rows / shrink_));
-    scale_ = {static_cast<float>(size.width) / static_cast<float>(values.cols),
-              static_cast<float>(size.height) / static_cast<float>(values.rows)};
-    sums_ = cv::Mat::zeros(values.size(), values.type());
-    values.copyTo(sums_, counted);
-    counted.convertTo(support_, CV_32F, 1.0 / 255.0);
-    for (cv::Mat* part : {&sums_, &support_}) {
-      if (shrink_ > 1) cv::resize(*part, *part, size, 0, 0, cv::INTER_AREA);
-      cv::GaussianBlur(*part, *part, {}, window / shrink_);
+  LocalMean(const cv::Mat_<Value>& values, const cv::Mat& counted, double window) {
+    while (window / (1 << shift_) >= 2) ++shift_;
+    const int cell = 1 << shift_;
+    sums_.create((values.rows + cell - 1) >> shift_, (values.cols + cell - 1) >> shift_);
+    sums_.setTo(Value::all(0));
+    for (int row = 0; row < values.rows; ++row) {
+      const Value* value = values[row];
+      const std::uint8_t* counts = counted.ptr(row);
+      Value* sums = sums_[row >> shift_];
+      for (int column = 0; column < values.cols; ++column)
+        if (counts[column] != 0) sums[column >> shift_] += value[column];
     }
+    cv::GaussianBlur(sums_, sums_, {}, window / cell);
   }
 
   /// @return false where too little of the window counts
-  template <typename Value>
   bool at(int row, int column, Value& mean) const {
-    const float support = interpolate<float>(support_, row, column);
-    if (support < kMinSupport) return false;
-    mean = interpolate<Value>(sums_, row, column) * (1.0f / support);
+    mean = interpolate(row, column);
+    const float support = mean[Value::channels - 1];
+    if (support < kMinSupport * static_cast<float>(1 << (2 * shift_))) return false;
+    mean *= 1.0f / support;
     return true;
   }
 
  private:
-  template <typename Value>
-  Value interpolate(const cv::Mat& grid, int row, int column) const {
-    if (shrink_ == 1) return grid.at<Value>(row, column);
-    const float x = std::clamp((static_cast<float>(column) + 0.5f) * scale_[0] - 0.5f, 0.0f, grid.cols - 1.0f);
-    const float y = std::clamp((static_cast<float>(row) + 0.5f) * scale_[1] - 0.5f, 0.0f, grid.rows - 1.0f);
+  Value interpolate(int row, int column) const {
+    if (shift_ == 0) return sums_(row, column);
+    const auto in_cells = [this](int pixel, int cells) {
+      const float position = (static_cast<float>(pixel) + 0.5f) / static_cast<float>(1 << shift_) - 0.5f;
+      return std::clamp(position, 0.0f, static_cast<float>(cells - 1));
+    };
+    const float x = in_cells(column, sums_.cols), y = in_cells(row, sums_.rows);
     const int left = static_cast<int>(x), top = static_cast<int>(y);
-    const int right = std::min(left + 1, grid.cols - 1), bottom = std::min(top + 1, grid.rows - 1);
+    const int right = std::min(left + 1, sums_.cols - 1), bottom = std::min(top + 1, sums_.rows - 1);
     const float u = x - static_cast<float>(left), v = y - static_cast<float>(top);
-    return (grid.at<Value>(top, left) * (1 - u) + grid.at<Value>(top, right) * u) * (1 - v) +
-           (grid.at<Value>(bottom, left) * (1 - u) + grid.at<Value>(bottom, right) * u) * v;
+    return (sums_(top, left) * (1 - u) + sums_(top, right) * u) * (1 - v) +
+           (sums_(bottom, left) * (1 - u) + sums_(bottom, right) * u) * v;
   }
 
-  int shrink_ = 1;
-  cv::Vec2f scale_;
-  cv::Mat sums_, support_;  ///< float
+  int shift_ = 0;  ///< a cell has 2^shift x 2^shift pixels
+  cv::Mat_<Value> sums_;
 };
 
 /// log(p / (1 - p)) of a mask's value.
@@ -105,45 +122,61 @@ std::array<float, 256> logits() {
   return table;
 }
 
+using Colour = cv::Vec4f;  // blue, green, red, 1
+using Shade = cv::Vec2f;   // a ratio of brightness, 1
+
 /// The part of an image around the person.
 class Outline {
  public:
   Outline(const cv::Mat& image, const cv::Mat& probability, const StaticBackground& background, double cell)
-      : probability_(probability), mask_(probability >= kPerson) {
-    image.convertTo(image_, CV_32F);
-    cv::dilate(mask_, near_, disc(kReach * cell));
-    cv::erode(mask_, sure_, disc(kReach * cell));
-    known_ = background.known;
+      : probability_(probability),
+        mask_(probability >= kPerson),
+        undecided_(band_around(mask_, static_cast<int>(kReach * cell + 0.5))),
+        known_(background.known),
+        image_(with_ones(image)) {
     if (known_.empty()) return;
-    background.colour.convertTo(learnt_, CV_32F);
-    cv::transform(image_, ratio_, cv::Matx13f(1, 1, 1));
-    cv::Mat brightness;
-    cv::transform(learnt_, brightness, cv::Matx13f(1, 1, 1));
-    cv::divide(ratio_ + 3.0, brightness + 3.0, ratio_);  // 3: dark pixels are noise
-    ratio_ = cv::min(cv::max(ratio_, kDarkest), kBrightest);
+    learnt_ = with_ones(background.colour);
+    shades_.create(image.size());
+    for (int row = 0; row < image.rows; ++row)
+      for (int column = 0; column < image.cols; ++column) {
+        const float ratio = (brightness(image_(row, column)) + 3.0f) / (brightness(learnt_(row, column)) + 3.0f);
+        shades_(row, column) = {std::clamp(ratio, kDarkest, kBrightest), 1.0f};  // 3: dark pixels are noise
+      }
   }
 
   void refine(const Pass& pass) {
-    cv::Mat to_background, to_person;  // distances, 0 on the background or on the person itself
-    cv::distanceTransform(mask_, to_background, cv::DIST_L2, cv::DIST_MASK_5);
-    cv::distanceTransform(~mask_, to_person, cv::DIST_L2, cv::DIST_MASK_5);
-    const cv::Mat inside = to_background > pass.inset, outside = to_person > pass.offset;
-    person_ = LocalMean(image_, inside, pass.person_window);
-    background_ = LocalMean(image_, outside, pass.background_window);
-    if (!known_.empty()) shade_ = LocalMean(ratio_, outside & known_, std::max(3.0, pass.background_window));
-    const cv::Mat band = (to_person <= pass.reach) & (to_background <= pass.reach) & near_ & ~sure_;
+    const cv::Mat inside = shrunk(mask_, pass.inset), outside = ~grown(mask_, pass.offset);
+    person_ = LocalMean<Colour>(image_, inside, pass.person_window);
+    background_ = LocalMean<Colour>(image_, outside, pass.background_window);
+    if (!known_.empty()) shade_ = LocalMean<Shade>(shades_, outside & known_, std::max(3.0, pass.background_window));
+    const cv::Mat band = band_around(mask_, pass.reach) & undecided_;
     for (int row = 0; row < mask_.rows; ++row) decide(row, band, pass.coverage);
   }
 
   const cv::Mat& mask() const { return mask_; }
+  /// Begins with another mask than that of the network.
+  void begin_with(const cv::Mat& mask) { mask_ = mask; }
 
  private:
+  static cv::Mat_<Colour> with_ones(const cv::Mat& image) {
+    cv::Mat_<Colour> result(image.size());
+    for (int row = 0; row < image.rows; ++row)
+      for (int column = 0; column < image.cols; ++column) {
+        const auto& pixel = image.at<cv::Vec3b>(row, column);
+        result(row, column) = {static_cast<float>(pixel[0]), static_cast<float>(pixel[1]), static_cast<float>(pixel[2]),
+                               1.0f};
+      }
+    return result;
+  }
+
+  static float brightness(const Colour& colour) { return colour[0] + colour[1] + colour[2]; }
+
   /// The background's colour at a pixel. @return false where it cannot be told
-  bool background_at(int row, int column, cv::Vec3f& colour) const {
+  bool background_at(int row, int column, Colour& colour) const {
     if (known_.empty() || known_.at<std::uint8_t>(row, column) == 0) return background_.at(row, column, colour);
-    float shade = 1.0f;
-    shade_.at(row, column, shade);
-    colour = learnt_.at<cv::Vec3f>(row, column) * shade;
+    Shade shade(1.0f, 1.0f);
+    if (!shade_.at(row, column, shade)) shade[0] = 1.0f;
+    colour = learnt_(row, column) * shade[0];
     return true;
   }
 
@@ -151,9 +184,9 @@ class Outline {
     static const std::array<float, 256> kLogits = logits();
     for (int column = 0; column < mask_.cols; ++column) {
       if (band.at<std::uint8_t>(row, column) == 0) continue;
-      cv::Vec3f background, body;
+      Colour background, body;
       if (!person_.at(row, column, body) || !background_at(row, column, background)) continue;
-      const cv::Vec3f seen = image_.at<cv::Vec3f>(row, column) - background, contrast = body - background;
+      const Colour seen = image_(row, column) - background, contrast = body - background;
       const float squared = std::max(kMinContrast, product(contrast, contrast));
       const float logit = kLogits[probability_.at<std::uint8_t>(row, column)];
       const bool person = product(seen, contrast) >= coverage * squared - kDeviation * kDeviation * logit;
@@ -162,13 +195,15 @@ class Outline {
   }
 
   /// The inner product of colours, in which brightness counts less than other differences.
-  static float product(const cv::Vec3f& a, const cv::Vec3f& b) {
-    return a.dot(b) - (1.0f - kBrightnessWeight) / 3.0f * (a[0] + a[1] + a[2]) * (b[0] + b[1] + b[2]);
+  static float product(const Colour& a, const Colour& b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - (1.0f - kBrightnessWeight) / 3.0f * brightness(a) * brightness(b);
   }
 
-  cv::Mat image_, probability_, mask_, near_, sure_;
-  cv::Mat known_, learnt_, ratio_;  ///< ratio of seen and learnt brightness
-  LocalMean person_, background_, shade_;
+  cv::Mat probability_, mask_, undecided_, known_;
+  cv::Mat_<Colour> image_, learnt_;
+  cv::Mat_<Shade> shades_;  ///< of seen and learnt brightness
+  LocalMean<Colour> person_, background_;
+  LocalMean<Shade> shade_;
 };
 
 /// Gives connected parts that are smaller than `area` pixels to the other side.
@@ -181,6 +216,38 @@ void drop_small_parts(cv::Mat& mask, std::uint8_t side, double area) {
     for (int column = 0; column < mask.cols; ++column)
       if (small[labels.at<int>(row, column)])
         mask.at<std::uint8_t>(row, column) = static_cast<std::uint8_t>(255 - side);
+}
+
+/// What is known of an image.
+struct Scene {
+  cv::Mat image, probability;
+  StaticBackground background;
+  double cell = 0.0;  ///< pixels
+};
+
+Scene halved(const Scene& scene) {
+  const auto half = [](const cv::Mat& image) {
+    cv::Mat result;
+    if (!image.empty()) cv::resize(image, result, {}, 0.5, 0.5, cv::INTER_AREA);
+    return result;
+  };
+  Scene small{half(scene.image), half(scene.probability), {}, 0.5 * scene.cell};
+  if (!scene.background.known.empty())
+    small.background = {half(scene.background.colour), half(scene.background.known) == 255};
+  return small;
+}
+
+/// The passes with large windows.
+cv::Mat coarse_mask(const Scene& scene) {
+  const bool even = scene.image.cols % 2 == 0 && scene.image.rows % 2 == 0;
+  if (even && scene.cell >= kMinHalvedCell) {
+    cv::Mat mask;
+    cv::resize(coarse_mask(halved(scene)), mask, {}, 2, 2, cv::INTER_LINEAR);
+    return mask >= 128;
+  }
+  Outline outline(scene.image, scene.probability, scene.background, scene.cell);
+  for (const double window : kWindows) outline.refine(coarse_pass(window * scene.cell));
+  return outline.mask();
 }
 
 }  // namespace
@@ -197,12 +264,12 @@ cv::Mat sharpen_mask(const cv::Mat& image, const cv::Mat& probability, const Sta
   if (box.empty()) return result;
   const double cell = mask_cell(coarse);
   const int margin = static_cast<int>(8 * cell) + 12;  // the windows of the first pass
-  box =
-      cv::Rect(box.tl() - cv::Point(margin, margin), box.br() + cv::Point(margin, margin)) & cv::Rect({}, image.size());
-  StaticBackground near;
-  if (background.known.size() == image.size()) near = {background.colour(box), background.known(box)};
-  Outline outline(smooth_repeated_chroma(image)(box), probability(box), near, cell);
-  for (const double window : kWindows) outline.refine(coarse_pass(window * cell));
+  const cv::Point even(2 * (std::max(0, box.x - margin) / 2), 2 * (std::max(0, box.y - margin) / 2));  // of the chroma
+  box = cv::Rect(even, box.br() + cv::Point(margin, margin)) & cv::Rect({}, image.size());
+  Scene scene{smooth_repeated_chroma(image(box)), probability(box), {}, cell};
+  if (background.known.size() == image.size()) scene.background = {background.colour(box), background.known(box)};
+  Outline outline(scene.image, scene.probability, scene.background, cell);
+  outline.begin_with(coarse_mask(scene));
   for (int i = 0; i < kFinePasses; ++i) outline.refine(fine_pass());
   cv::Mat mask = result(box);
   outline.mask().copyTo(mask);
