@@ -21,8 +21,8 @@ find_package(TinyGLTF REQUIRED)
 find_package(ONNX REQUIRED)
 find_package(ZLIB REQUIRED)
 find_package(OpenSSL REQUIRED COMPONENTS Crypto)
-find_library(XNNPACK_LIBRARY XNNPACK REQUIRED)
-find_library(PTHREADPOOL_LIBRARY pthreadpool REQUIRED)
+# Without its CMake package, which would ask for OpenCL.
+find_library(DNNL_LIBRARY dnnl REQUIRED)
 find_package(Torch 1.13 REQUIRED)
 # at::parallel_for is a template: compiled without OpenMP it runs on one thread, and says nothing.
 find_package(OpenMP REQUIRED COMPONENTS CXX)

@@ -16,7 +16,7 @@ packages=(
   libyaml-cpp-dev libspdlog-dev libfmt-dev libcli11-dev nlohmann-json3-dev
   libpugixml-dev libtomlplusplus-dev libassimp-dev libtinygltf-dev libonnx-dev libcpp-httplib-dev liboscpack-dev zlib1g-dev libminizip-dev
   liblmdb-dev libprotobuf-dev protobuf-compiler
-  libxnnpack-dev libpthreadpool-dev libflatbuffers-dev flatbuffers-compiler-dev flatbuffers-compiler libssl-dev
+  libdnnl-dev libflatbuffers-dev flatbuffers-compiler-dev flatbuffers-compiler libssl-dev
 )
 for extra in "$@"; do
   case "$extra" in

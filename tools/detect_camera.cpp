@@ -6,6 +6,7 @@
 
 #include "detect_masks.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/detect/blazepose/mask_sharpening.h"
 #include "doppel/detect/keypoints/keypoint_table.h"
 #include "doppel/geometry/image_file.h"
 
@@ -15,16 +16,6 @@ namespace {
 
 constexpr std::size_t kLeftHip = 23, kRightHip = 24;
 constexpr double kMillimetresPerMetre = 1000.0;
-
-PointLayout mediapipe_layout() { return {"mediapipe33", {kBodyLandmarkNames.begin(), kBodyLandmarkNames.end()}}; }
-
-Person person_of(const BodyPose& pose) {
-  Person person;
-  for (std::size_t i = 0; i < pose.landmarks.size(); ++i)
-    person.push_back({static_cast<float>(pose.landmarks[i].x), static_cast<float>(pose.landmarks[i].y),
-                      static_cast<float>(landmark_confidence(pose, i))});
-  return person;
-}
 
 /// Rows of the table of points in space: millimetres relative to the middle of the hips.
 std::string joint_rows(long frame, const BodyPose& pose) {
@@ -46,7 +37,7 @@ class DetectTables {
     ++report_.frames;
     if (!pose) return;
     ++report_.with_person;
-    people.push_back(person_of(*pose));
+    people.push_back(person_of_pose(*pose));
     joints_ += joint_rows(frame, *pose);
     for (const Keypoint& point : people[0]) confidence_ += point.confidence;
   }
@@ -66,23 +57,41 @@ class DetectTables {
   DetectReport report_;
 };
 
-void write_mask(const std::filesystem::path& folder, long frame, const std::optional<BodyPose>& pose, cv::Size image) {
-  const cv::Mat mask = pose ? pose->mask : cv::Mat(image, CV_8U, cv::Scalar(0));
-  write_image(mask_file(folder, frame), mask);
+cv::Mat mask_of_all(BodyDetector& detector, const cv::Mat& image) {
+  cv::Mat mask = cv::Mat::zeros(image.size(), CV_8U);
+  for (const BodyPose& pose : detector.detect_all(image)) cv::max(mask, pose.mask, mask);
+  return mask;
 }
 
 }  // namespace
 
+PointLayout mediapipe_layout() { return {"mediapipe33", {kBodyLandmarkNames.begin(), kBodyLandmarkNames.end()}}; }
+
+Person person_of_pose(const BodyPose& pose) {
+  Person person;
+  for (std::size_t i = 0; i < pose.landmarks.size(); ++i)
+    person.push_back({static_cast<float>(pose.landmarks[i].x), static_cast<float>(pose.landmarks[i].y),
+                      static_cast<float>(landmark_confidence(pose, i))});
+  return person;
+}
+
 std::optional<DetectReport> detect_camera(const DetectSource& source, const DetectFiles& files, BodyDetector& detector,
-                                          std::optional<Eigen::Vector2d> person, const std::function<bool()>& advance) {
+                                          const PersonGuide& guide, bool sharpen,
+                                          const std::function<bool()>& advance) {
+  StaticBackground background;
+  if (sharpen)
+    background = learn_background_of(source, [&](const cv::Mat& image) { return mask_of_all(detector, image); });
   const auto images = open_frames(source.images, PixelFormat::colour);
-  BodyTracker tracker(detector, person);
+  BodyTracker tracker(detector, guide.start());
   DetectTables tables;
   for (const long frame : source.frames) {
     const cv::Mat image = images->read(frame);
-    const std::optional<BodyPose> pose = tracker.track(image);
+    const std::optional<BodyPose> pose = tracker.track(image, guide.at(frame));
     tables.add(frame, pose);
-    if (!files.masks.empty()) write_mask(files.masks, frame, pose, image.size());
+    if (!files.masks.empty()) {
+      const cv::Mat mask = pose ? pose->mask : cv::Mat::zeros(image.size(), CV_8U);
+      write_image(mask_file(files.masks, frame), sharpen ? sharpen_mask(image, mask, background) : mask);
+    }
     if (!advance()) return std::nullopt;
   }
   return tables.write(files);

@@ -6,6 +6,7 @@
 
 #include "detect_sources.h"
 #include "doppel/detect/blazepose/body_detector.h"
+#include "doppel/detect/keypoints/keypoints.h"
 
 namespace doppel::tools {
 
@@ -22,10 +23,16 @@ struct DetectReport {
   double mean_confidence = 0.0;  ///< of all points in frames with a person
 };
 
+/// The landmarks of a pose as a person of the layout mediapipe33.
+Person person_of_pose(const BodyPose& pose);
+PointLayout mediapipe_layout();
+
 /// Follows one person through the images of a camera and writes the files when all frames are done.
+/// @param guide where the person is, as far as it is known
+/// @param sharpen whether masks get the resolution of the image (detect/blazepose/mask_sharpening.h)
 /// @param advance called after each frame; returns false to stop
 /// @return nothing when it was stopped; no table is written then
 std::optional<DetectReport> detect_camera(const DetectSource& source, const DetectFiles& files, BodyDetector& detector,
-                                          std::optional<Eigen::Vector2d> person, const std::function<bool()>& advance);
+                                          const PersonGuide& guide, bool sharpen, const std::function<bool()>& advance);
 
 }  // namespace doppel::tools

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdio>
 #include <exception>
+#include <future>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -12,6 +13,7 @@
 #include "detect_camera.h"
 #include "detect_masks.h"
 #include "detect_network.h"
+#include "detect_people.h"
 #include "detect_sources.h"
 #include "detected_capture.h"
 #include "doppel/core/as_size.h"
@@ -37,11 +39,12 @@ constexpr char kDetectExample[] =
     "  doppel detect recordings/anna --out recordings/anna/detected --model heavy --masks\n"
     "  doppel detect street.mp4 --out street/detected --network rtmpose.onnx --config rtmpose --layout coco17";
 constexpr std::chrono::milliseconds kPollInterval{100};
+constexpr char kPeople[] = "people";  ///< key of the report and of the results of shards
 
 struct DetectArguments {
   std::string source, model, network, config, layout;  ///< model empty: chosen by the number of cameras
   fs::path out;
-  std::vector<double> person;
+  std::vector<std::string> person;  ///< words of --person
   bool masks = false, raw_masks = false, keep_keypoints = false;
   std::optional<bool> mirror;  ///< nothing: as the model was chosen
 
@@ -55,29 +58,31 @@ bool several_cameras(const std::vector<DetectSource>& sources) {
 }
 
 /// Searches the images of one camera.
-using CameraWorker = std::function<std::optional<DetectReport>(const DetectSource&, const DetectFiles&,
-                                                               const std::function<bool()>& advance)>;
+using CameraWorker = std::function<std::optional<DetectReport>(
+    const DetectSource&, const DetectFiles&, const PersonGuide&, const std::function<bool()>& advance)>;
 
-std::optional<Eigen::Vector2d> person_hint(const DetectArguments& arguments) {
-  if (arguments.person.empty()) return std::nullopt;
-  return Eigen::Vector2d(arguments.person[0], arguments.person[1]);
-}
-
-CameraWorker worker_of(const DetectNetwork& chosen, std::optional<Eigen::Vector2d> person) {
+CameraWorker worker_of(const DetectNetwork& chosen) {
   const auto network = std::make_shared<PersonNetwork>(chosen.options, static_cast<int>(chosen.layout.points.size()));
-  return [=](const DetectSource& source, const DetectFiles& files, const std::function<bool()>& advance) {
-    return detect_camera_with(chosen, *network, source, files, person, advance);
+  return [=](const DetectSource& source, const DetectFiles& files, const PersonGuide& guide,
+             const std::function<bool()>& advance) {
+    return detect_camera_with(chosen, *network, source, files, guide.start(), advance);
   };
 }
 
 /// @param sharpen whether masks become sharp
-CameraWorker worker_of(const BodyDetectorOptions& options, std::optional<Eigen::Vector2d> person, bool sharpen) {
+CameraWorker worker_of(const BodyDetectorOptions& options, bool sharpen) {
   const auto detector = std::make_shared<BodyDetector>(options);
-  return [=](const DetectSource& source, const DetectFiles& files, const std::function<bool()>& advance) {
-    auto report = detect_camera(source, files, *detector, person, advance);
-    if (report && sharpen && !sharpen_masks(source, files.masks, advance)) report.reset();
-    return report;
+  return [=](const DetectSource& source, const DetectFiles& files, const PersonGuide& guide,
+             const std::function<bool()>& advance) {
+    return detect_camera(source, files, *detector, guide, sharpen, advance);
   };
+}
+
+/// To find out who is who, neither masks nor the larger network are needed.
+BodyDetectorOptions looking_options(BodyDetectorOptions options) {
+  if (options.model == BlazePoseModel::heavy) options.model = BlazePoseModel::full;
+  options.masks = options.mirror = false;
+  return options;
 }
 
 void copy_if_written(const fs::path& from, const fs::path& to) {
@@ -109,39 +114,39 @@ class DetectJob {
   DetectJob(const DetectArguments& arguments, const CommonOptions& common)
       : arguments_(arguments),
         shard_(common.shard.value_or(Shard())),
+        merging_(!common.merged.empty()),
         sources_(detect_sources(arguments.source)),
+        guides_(sources_.size()),
         reports_(sources_.size()) {
     const int threads = resolve_threads(common.threads);
     for (const DetectSource& source : sources_) sequences_ += source.sequence != sources_[0].sequence;
-    if (!arguments.person.empty() && sources_.size() != 1)
-      fail<UsageError>("--person states a pixel of one camera; {} has {} cameras", arguments.source, sources_.size());
-    const bool accurate = arguments.model.empty() && several_cameras(sources_);
+    const bool several = several_cameras(sources_), accurate = arguments.model.empty() && several;
     if (arguments_.model.empty()) arguments_.model = accurate ? "heavy" : "full";
-    const int workers = std::clamp(static_cast<int>(sources_.size()) / shard_.count, 1, threads);
+    num_workers_ = std::clamp(static_cast<int>(sources_.size()) / shard_.count, 1, threads);
     if (arguments.has_network())
       network_ = choose_network(arguments.network, arguments.config, arguments.layout, arguments.masks);
-    const BodyDetectorOptions options{.model = parse_blazepose_model(arguments_.model),
-                                      .threads = std::clamp(threads / workers, 1, 8),
-                                      .masks = arguments.masks,
-                                      .mirror = arguments.mirror.value_or(accurate),
-                                      .models = {}};
-    const auto person = person_hint(arguments);
+    options_ = {.model = parse_blazepose_model(arguments_.model),
+                .threads = std::clamp(threads / num_workers_, 1, 8),
+                .masks = arguments.masks,
+                .mirror = arguments.mirror.value_or(accurate),
+                .models = {}};
+    choose_person(several);
     sharpen_ = arguments.masks && !arguments.raw_masks && !network_;
-    for (int i = 0; i < workers && common.merged.empty(); ++i)
-      workers_.push_back(network_ ? worker_of(*network_, person) : worker_of(options, person, sharpen_));
+    // A shard has not the masks of all cameras.
+    compare_ = sharpen_ && shard_.count == 1;
+    for (int i = 0; i < num_workers_ && !merging_; ++i)
+      workers_.push_back(network_ ? worker_of(*network_) : worker_of(options_, sharpen_));
   }
 
   /// @return whether all cameras are done; otherwise the user has stopped the job
   bool run() {
-    std::vector<std::thread> workers;
-    for (const CameraWorker& worker : workers_) workers.emplace_back([&] { work(worker); });
-    show_progress();
-    for (std::thread& worker : workers) worker.join();
-    if (error_) std::rethrow_exception(error_);
+    with_progress([&] {
+      find_people();
+      follow_cameras();
+      if (compare_) compare_views();
+    });
     for (std::size_t i = 0; i < sources_.size(); ++i)
       if (shard_.owns(i) && !reports_[i]) return false;
-    // A shard has not the masks of all cameras.
-    if (sharpen_ && shard_.count == 1) compare_views();
     return !stop_requested();
   }
 
@@ -151,11 +156,13 @@ class DetectJob {
     for (std::size_t i = 0; i < sources_.size(); ++i)
       if (reports_[i])
         results[std::to_string(i)] = {reports_[i]->frames, reports_[i]->with_person, reports_[i]->mean_confidence};
+    if (!people_.empty()) results[kPeople] = people_;
     return results;
   }
 
   /// Does the work of `run` with the files and counts of shards. @return false: the user has stopped it
   bool merge(const ShardSet& shards) {
+    for (const auto& shard : shards.files) add_people(shard.results);
     for (std::size_t i = 0; i < sources_.size() && !stop_requested(); ++i) {
       const std::size_t shard = i % shards.folders.size();
       const DetectFiles from = files_of(sources_[i], shards.folders[shard]), to = files_of(sources_[i]);
@@ -164,7 +171,7 @@ class DetectJob {
       copy_if_written(from.masks, to.masks);
       reports_[i] = report_of(shards.files[shard].results, i, shards.folders[shard]);
     }
-    if (sharpen_ && !stop_requested()) compare_views();
+    if (compare_ && !stop_requested()) with_progress([&] { compare_views(); });
     return !stop_requested();
   }
 
@@ -187,6 +194,7 @@ class DetectJob {
                                  {"joints3d", files.joints.string()},
                                  {"masks", files.masks.string()}});
     }
+    if (!people_.empty()) json[kPeople] = people_;
     return json;
   }
 
@@ -201,56 +209,136 @@ class DetectJob {
             arguments_.masks || only_masks ? folder / "masks" / source.camera : fs::path()};
   }
 
-  void work(const CameraWorker& worker) {
-    const auto advance = [&] {
-      ++frames_done_;
-      return !stop_requested() && !failed_;
-    };
-    try {
-      for (std::size_t i = next_++; i < sources_.size() && !stop_requested() && !failed_; i = next_++)
-        if (shard_.owns(i)) reports_[i] = worker(sources_[i], files_of(sources_[i]), advance);
-    } catch (...) {
-      const std::lock_guard lock(error_mutex_);
-      if (!error_) error_ = std::current_exception();
-      failed_ = true;
-    }
-    ++workers_done_;
+  /// Reads whom the user names. The only camera needs no search.
+  void choose_person(bool several) {
+    if (network_ && several && !arguments_.person.empty())
+      fail<UsageError>(
+          "--person: with --network it is a pixel of one camera, and {} has several; run the command for "
+          "each video",
+          arguments_.source);
+    wish_ = read_person_wish(arguments_.person, sources_, arguments_.source);
+    if (!several) std::fill(guides_.begin(), guides_.end(), PersonGuide(wish_.pixel));
+    if (network_ || merging_) return;
+    for (PeopleSearch& search : plan_searches(sources_))
+      if (std::any_of(search.sources.begin(), search.sources.end(), [&](std::size_t i) { return shard_.owns(i); }))
+        searches_.push_back(std::move(search));
   }
 
-  void compare_views() const {
+  /// Finds out who is who in each sequence, from all of its cameras. A shard does it for all cameras too, so that the
+  /// shards follow the same person.
+  void find_people() {
+    std::vector<std::unique_ptr<BodyDetector>> detectors(as_size(num_workers_));
+    for (const PeopleSearch& search : searches_) {
+      std::vector<std::optional<CameraPeople>> seen(search.sources.size());
+      share(seen.size(), [&](std::size_t worker, std::size_t c) {
+        if (!detectors[worker]) detectors[worker] = std::make_unique<BodyDetector>(looking_options(options_));
+        seen[c] =
+            look_at_people(sources_[search.sources[c]], search.rows, *detectors[worker], [&] { return advance(); });
+      });
+      if (stop_requested()) return;
+      std::vector<CameraPeople> all;
+      for (std::optional<CameraPeople>& camera : seen) all.push_back(std::move(*camera));
+      const FollowedPerson followed = choose_followed(search, sources_, all, wish_);
+      for (std::size_t c = 0; c < search.sources.size(); ++c) guides_[search.sources[c]] = followed.guides[c];
+      if (!followed.report.is_null()) people_.push_back(followed.report);
+    }
+  }
+
+  /// People of sequences that are not known yet, from the results of a shard.
+  void add_people(const Json& results) {
+    const auto found = results.find(kPeople);
+    if (found == results.end()) return;
+    for (const Json& people : *found)
+      if (std::find(people_.begin(), people_.end(), people) == people_.end()) people_.push_back(people);
+  }
+
+  void follow_cameras() {
+    share(sources_.size(), [&](std::size_t worker, std::size_t i) {
+      if (!shard_.owns(i)) return;
+      reports_[i] = workers_[worker](sources_[i], files_of(sources_[i]), guides_[i], [&] { return advance(); });
+    });
+  }
+
+  void compare_views() {
+    if (stop_requested()) return;
     std::vector<fs::path> folders;
     for (const DetectSource& source : sources_) folders.push_back(files_of(source).masks);
-    const long dropped = compare_masks(sources_, folders, [] { return !stop_requested(); });
+    const long dropped = compare_masks(sources_, folders, [&] { return advance(); });
     if (dropped > 0) log::info("{} pixels of masks were contradicted by the other cameras and are removed", dropped);
   }
 
-  void show_progress() {
-    long total = 0, shown = 0;
+  /// Called before or after each step of the work. @return whether to go on
+  bool advance() {
+    ++steps_done_;
+    return !stop_requested() && !failed_;
+  }
+
+  /// Does `work` for each item, several at a time. Ends early when the user stops the job.
+  /// @throws the first error of a worker
+  void share(std::size_t items, const std::function<void(std::size_t worker, std::size_t item)>& work) {
+    std::atomic<std::size_t> next{0};
+    std::exception_ptr error;
+    std::mutex error_mutex;
+    std::vector<std::thread> workers;
+    for (std::size_t worker = 0; worker < as_size(num_workers_); ++worker)
+      workers.emplace_back([&, worker] {
+        try {
+          for (std::size_t i = next++; i < items && !stop_requested() && !failed_; i = next++) work(worker, i);
+        } catch (...) {
+          const std::lock_guard lock(error_mutex);
+          if (!error) error = std::current_exception();
+          failed_ = true;
+        }
+      });
+    for (std::thread& worker : workers) worker.join();
+    if (error) std::rethrow_exception(error);
+  }
+
+  /// All steps: images in which people are looked for, images that are searched, and moments in which masks are
+  /// compared.
+  long num_steps() const {
+    long steps = compare_ ? num_compared_moments(sources_) : 0;
+    if (merging_) return steps;
+    for (const PeopleSearch& search : searches_) steps += static_cast<long>(search.rows.size() * search.sources.size());
     for (std::size_t i = 0; i < sources_.size(); ++i)
-      if (shard_.owns(i)) total += static_cast<long>(sources_[i].frames.size()) * (sharpen_ ? 2 : 1);
-    Progress progress("detect", total);
-    for (bool ended = false; !ended;) {
-      ended = workers_done_ == workers_.size();
-      if (!ended) std::this_thread::sleep_for(kPollInterval);
-      const long done = frames_done_;
-      progress.advance(done - shown);
-      shown = done;
+      if (shard_.owns(i)) steps += static_cast<long>(sources_[i].frames.size());
+    return steps;
+  }
+
+  /// Does the work beside the line that shows its progress.
+  void with_progress(const std::function<void()>& work) {
+    auto done = std::async(std::launch::async, work);
+    {
+      Progress progress("detect", num_steps());
+      long shown = 0;
+      for (bool ended = false; !ended;) {
+        ended = done.wait_for(kPollInterval) == std::future_status::ready;
+        const long steps = steps_done_;
+        progress.advance(steps - shown);
+        shown = steps;
+      }
     }
+    done.get();
   }
 
   DetectArguments arguments_;
   Shard shard_;  ///< camera c of sequence s is unit s*C + c
+  bool merging_;
   std::vector<DetectSource> sources_;
   int sequences_ = 0;     ///< sources of another sequence than the first
   bool sharpen_ = false;  ///< whether masks become sharp
+  bool compare_ = false;  ///< whether they are compared between the cameras
+  PersonWish wish_;
+  std::vector<PeopleSearch> searches_;
+  std::vector<PersonGuide> guides_;  ///< of each source
+  Json people_ = Json::array();      ///< of the sequences with several people
   std::vector<std::optional<DetectReport>> reports_;
   std::optional<DetectNetwork> network_;  ///< not given: BlazePose
+  BodyDetectorOptions options_;
+  int num_workers_ = 1;
   std::vector<CameraWorker> workers_;
-  std::atomic<std::size_t> next_{0}, workers_done_{0};
-  std::atomic<long> frames_done_{0};
+  std::atomic<long> steps_done_{0};
   std::atomic<bool> failed_{false};
-  std::mutex error_mutex_;
-  std::exception_ptr error_;
 };
 
 void print_table(const Json& report) {
@@ -284,7 +372,18 @@ std::optional<Json> detect(const DetectArguments& arguments, const CommonOptions
   return report;
 }
 
-int run(const DetectArguments& arguments, const CommonOptions& common) {
+/// Behind `--person X Y`, the source may be taken for a third word of the option.
+void find_source(DetectArguments& arguments) {
+  if (arguments.source.empty() && arguments.person.size() == 3) {
+    arguments.source = arguments.person.back();
+    arguments.person.pop_back();
+  }
+  if (arguments.source.empty())
+    fail<UsageError>("detect: a source is required: a video, a folder of images or a capture");
+}
+
+int run(DetectArguments arguments, const CommonOptions& common) {
+  find_source(arguments);
   const std::optional<Json> found = detect(arguments, common);
   if (!found) return 1;
   if (!common.merged.empty()) return 0;
@@ -310,8 +409,8 @@ Command add_detect(CLI::App& program) {
   auto arguments = std::make_shared<DetectArguments>();
   CLI::App* app = program.add_subcommand(
       "detect", "Find a person's keypoints, joints in space and masks in videos with MediaPipe's BlazePose");
-  app->add_option("source", arguments->source, "Video file, folder of images, capture folder or capture.yaml")
-      ->required();
+  app->add_option("source", arguments->source,
+                  "Video file, folder of images, capture folder or capture.yaml (required)");
   app->add_option("--out", arguments->out, "Folder to write into")->required();
   app->add_option("--model", arguments->model,
                   "Network: larger ones are slower and more accurate (default: heavy for a capture of several cameras, "
@@ -325,9 +424,11 @@ Command add_detect(CLI::App& program) {
   app->add_flag("--raw-masks", arguments->raw_masks, "With --masks: the network's probability of the person times 255");
   app->add_flag("--keep-keypoints", arguments->keep_keypoints,
                 "The capture that is written keeps the keypoints that the capture has");
-  app->add_option("--person", arguments->person,
-                  "Of several people, follow the one whose hips are nearest to this pixel in the first frame (x y)")
-      ->expected(2);
+  app->add_option(
+         "--person", arguments->person,
+         "Of several people, follow the one whose hips are nearest to this pixel: X Y in the first frame of one "
+         "camera; CAMERA X Y in a capture; or X Y Z, a position in the world, metres")
+      ->expected(2, 3);
   app->add_option("--network", arguments->network, "A network of your own (.onnx) instead of BlazePose");
   app->add_option("--config", arguments->config,
                   "Its input and outputs: rtmpose, hrnet, vitpose or a YAML file (docs/detect.md)");

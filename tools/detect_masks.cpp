@@ -9,7 +9,6 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/detect/blazepose/mask_agreement.h"
-#include "doppel/detect/blazepose/mask_sharpening.h"
 #include "doppel/geometry/image_file.h"
 
 namespace doppel::tools {
@@ -22,19 +21,6 @@ cv::Mat read_mask(const fs::path& file) {
   cv::Mat mask = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
   if (mask.empty()) fail_at({file.string(), 0}, "the mask of the network is missing or cannot be decoded");
   return mask;
-}
-
-StaticBackground background_of(const DetectSource& source, const fs::path& folder) {
-  const auto images = open_frames(source.images, PixelFormat::colour);
-  std::vector<cv::Mat> shown, masks;
-  for (const long frame : background_frames(source.frames, images->size())) {
-    shown.push_back(images->read(frame).clone());
-    masks.push_back(read_mask(mask_file(folder, frame)));
-  }
-  const StaticBackground background = learn_background(shown, masks);
-  if (background.known_share() == 0)
-    log::info("camera {}: no static background; the masks follow the colours beside their outline", source.camera);
-  return background;
 }
 
 /// The masks of one row of the motion, and where they came from.
@@ -70,46 +56,60 @@ class Moment {
   std::vector<int> before_;
 };
 
+using Sequences = std::map<std::string, std::vector<const DetectSource*>>;
+
+/// The cameras of each sequence whose masks can be compared.
+Sequences compared_sequences(std::span<const DetectSource> sources) {
+  Sequences sequences;
+  for (const DetectSource& source : sources)
+    if (source.calibration) sequences[source.sequence].push_back(&source);
+  std::erase_if(sequences, [](const auto& item) { return item.second.size() < 3; });
+  return sequences;
+}
+
 /// The rows of the motion that some camera of a sequence has filmed.
 std::pair<long, long> rows_of(std::span<const DetectSource* const> cameras) {
-  long first = 0, last = -1;
-  bool any = false;
+  std::pair<long, long> rows = filmed_rows(*cameras[0]);
   for (const DetectSource* camera : cameras) {
-    const long end = camera->clock.num_rows(camera->frames.back() + 1) - 1;
-    long begin = std::max(0L, static_cast<long>((static_cast<double>(camera->frames.front()) - camera->clock.offset) /
-                                                camera->clock.rate));
-    while (begin > 0 && camera->clock.frame(begin - 1) >= camera->frames.front()) --begin;
-    first = any ? std::min(first, begin) : begin;
-    last = any ? std::max(last, end) : end;
-    any = true;
+    const auto [first, last] = filmed_rows(*camera);
+    rows = {std::min(rows.first, first), std::max(rows.second, last)};
   }
-  return {first, last};
+  return rows;
 }
 
 }  // namespace
 
 fs::path mask_file(const fs::path& folder, long frame) { return folder / fmt::format("{:06}.png", frame); }
 
-bool sharpen_masks(const DetectSource& source, const fs::path& folder, const std::function<bool()>& advance) {
-  const StaticBackground background = background_of(source, folder);
+StaticBackground learn_background_of(const DetectSource& source,
+                                     const std::function<cv::Mat(const cv::Mat& image)>& people) {
   const auto images = open_frames(source.images, PixelFormat::colour);
-  for (const long frame : source.frames) {
-    const fs::path file = mask_file(folder, frame);
-    write_image(file, sharpen_mask(images->read(frame), read_mask(file), background));
-    if (!advance()) return false;
+  std::vector<cv::Mat> shown, masks;
+  for (const long frame : background_frames(source.frames, images->size())) {
+    shown.push_back(images->read(frame).clone());
+    masks.push_back(people(shown.back()));
   }
-  return true;
+  StaticBackground background = learn_background(shown, masks);
+  if (background.known_share() == 0)
+    log::info("camera {}: no static background; the masks follow the colours beside their outline", source.camera);
+  return background;
+}
+
+long num_compared_moments(std::span<const DetectSource> sources) {
+  long moments = 0;
+  for (const auto& [name, cameras] : compared_sequences(sources)) {
+    const auto [first, last] = rows_of(cameras);
+    moments += last - first + 1;
+  }
+  return moments;
 }
 
 long compare_masks(std::span<const DetectSource> sources, std::span<const fs::path> folders,
                    const std::function<bool()>& go_on) {
-  std::map<std::string, std::vector<const DetectSource*>> sequences;
-  for (const DetectSource& source : sources)
-    if (source.calibration) sequences[source.sequence].push_back(&source);
   long dropped = 0;
-  for (const auto& [name, cameras] : sequences) {
+  for (const auto& [name, cameras] : compared_sequences(sources)) {
     const auto [first, last] = rows_of(cameras);
-    for (long row = first; row <= last && cameras.size() > 2; ++row) {
+    for (long row = first; row <= last; ++row) {
       if (!go_on()) return dropped;
       Moment moment;
       for (const DetectSource* camera : cameras) {

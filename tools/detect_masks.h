@@ -6,20 +6,18 @@
 #include <vector>
 
 #include "detect_sources.h"
+#include "doppel/detect/blazepose/static_background.h"
 
 namespace doppel::tools {
 
 /// The file of a mask in a folder of masks.
 std::filesystem::path mask_file(const std::filesystem::path& folder, long frame);
 
-/// Replaces the network's masks of a camera by masks at full resolution (detect/blazepose/mask_sharpening.h). The
-/// background is learnt from the camera's own images. Needs 256 MiB for that, and two images otherwise.
-/// @param folder of the network's masks, one for each frame of the source
-/// @param advance called after each frame; returns false to stop
-/// @return false when it was stopped
-/// @throws FileError for a mask that is missing
-bool sharpen_masks(const DetectSource& source, const std::filesystem::path& folder,
-                   const std::function<bool()>& advance);
+/// Learns what a camera sees behind people (detect/blazepose/static_background.h) from frames that are spread over its
+/// video. Needs 256 MiB.
+/// @param people the mask of everybody in an image, 8-bit, of its size
+StaticBackground learn_background_of(const DetectSource& source,
+                                     const std::function<cv::Mat(const cv::Mat& image)>& people);
 
 /// Removes pixels of masks that the other cameras of the same sequence contradict (detect/blazepose/mask_agreement.h),
 /// moment by moment. Sequences with fewer than three cameras stay as they are.
@@ -28,5 +26,7 @@ bool sharpen_masks(const DetectSource& source, const std::filesystem::path& fold
 /// @return the number of removed pixels
 long compare_masks(std::span<const DetectSource> sources, std::span<const std::filesystem::path> folders,
                    const std::function<bool()>& go_on);
+/// How often `compare_masks` asks whether to go on.
+long num_compared_moments(std::span<const DetectSource> sources);
 
 }  // namespace doppel::tools

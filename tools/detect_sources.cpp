@@ -91,7 +91,8 @@ std::vector<DetectSource> sources_of_capture(const fs::path& path) {
       const long end = last_frame(images);
       const long last =
           sequence.last_frame ? std::min(end, static_cast<long>(std::ceil(clock.time(*sequence.last_frame)))) : end;
-      sources.push_back({sequence.name, name, images, range(begin, last), cameras.cameras[i], clock});
+      sources.push_back(
+          {sequence.name, name, images, range(begin, last), cameras.cameras[i], clock, capture.person_of(sequence)});
       if (sources.back().frames.empty())
         fail("{}: sequence {} begins at frame {} of camera {}, but its images end at frame {}", path.string(),
              sequence.name, begin, name, end);
@@ -101,6 +102,15 @@ std::vector<DetectSource> sources_of_capture(const fs::path& path) {
 }
 
 }  // namespace
+
+std::pair<long, long> filmed_rows(const DetectSource& source) {
+  const FrameClock& clock = source.clock;
+  long begin =
+      std::max(0L, static_cast<long>((static_cast<double>(source.frames.front()) - clock.offset) / clock.rate));
+  while (begin > 0 && clock.frame(begin - 1) >= source.frames.front()) --begin;
+  while (clock.frame(begin) < source.frames.front()) ++begin;
+  return {begin, clock.num_rows(source.frames.back() + 1) - 1};
+}
 
 std::vector<DetectSource> detect_sources(const fs::path& path) {
   if (!fs::exists(path)) fail<UsageError>("{} does not exist", path.string());

@@ -4,10 +4,12 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "doppel/data/capture/frame_clock.h"
 #include "doppel/data/capture/video.h"
+#include "doppel/detect/keypoints/person_choice.h"
 #include "doppel/geometry/camera.h"
 
 namespace doppel::tools {
@@ -20,7 +22,11 @@ struct DetectSource {
   std::vector<long> frames;             ///< numbers of the frames, ascending
   std::optional<Camera> calibration{};  ///< of a capture; width and height 0 if the calibration does not state them
   FrameClock clock{};                   ///< of a capture
+  PersonChoiceOptions person{};         ///< of a capture: whom it names in this sequence
 };
+
+/// The first and the last row of the motion whose frames a camera of a capture has.
+std::pair<long, long> filmed_rows(const DetectSource& source);
 
 /// The cameras of what the user named: a video file, a folder of images whose names end in the frame number, or a
 /// capture (its videos, within the frames that each sequence uses).

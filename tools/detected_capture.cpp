@@ -64,6 +64,12 @@ void name_layout(const std::string& layout, Capture& capture) {
     log::warn("no built-in map has the layout {}; set `keypoint_map` in capture.yaml to the file of the map", layout);
 }
 
+/// The detected keypoints are those of the chosen person alone, so the index of another detection means nothing.
+void forget_person(Capture& capture) {
+  capture.person = {};
+  for (SequenceEntry& sequence : capture.sequences) sequence.person.reset();
+}
+
 }  // namespace
 
 void check_detect_out(const fs::path& source, const fs::path& out) {
@@ -87,7 +93,10 @@ void write_detected_capture(const fs::path& source, const fs::path& out, const J
     if (!joints.empty()) sequence.joints3d = joints;
     if (!masks.empty() && !sequence.has_masks()) sequence.masks = masks + "/{frame:06}.png";
   }
-  if (found_points) name_layout(report["layout"], capture);
+  if (found_points) {
+    name_layout(report["layout"], capture);
+    forget_person(capture);
+  }
   write_capture(out / "capture.yaml", capture, {"Written by `doppel detect`: the capture with the detected files."});
   log::info("{} names the detected files", (out / "capture.yaml").string());
 }

@@ -11,7 +11,8 @@ namespace doppel::tools {
 void check_detect_out(const std::filesystem::path& source, const std::filesystem::path& out);
 
 /// Writes `out/capture.yaml`: the capture `source` with the files that were detected as keypoints and joints in space,
-/// and as masks where they were written and the sequence has none. Nothing is written for a source that is no capture.
+/// and as masks where they were written and the sequence has none. The detected keypoints are those of one person, so
+/// the key `person` is left out. Nothing is written for a source that is no capture.
 /// @param report that of `doppel detect` @param keep_keypoints whether keypoints of the capture stay
 void write_detected_capture(const std::filesystem::path& source, const std::filesystem::path& out,
                             const nlohmann::ordered_json& report, bool keep_keypoints = false);

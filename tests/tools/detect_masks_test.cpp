@@ -5,7 +5,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/core/error.h"
+#include "doppel/detect/blazepose/mask_sharpening.h"
 #include "doppel/geometry/image_file.h"
 #include "support/temporary_folder.h"
 
@@ -42,6 +42,9 @@ struct Footage {
     source = tools::detect_sources(folder / "images").at(0);
   }
 
+  cv::Mat image(int frame) const {
+    return cv::imread((folder / "images" / ("run_" + std::to_string(frame) + ".png")).string());
+  }
   cv::Mat mask(int frame) const {
     return cv::imread(tools::mask_file(folder / "masks", frame).string(), cv::IMREAD_GRAYSCALE);
   }
@@ -52,33 +55,16 @@ struct Footage {
 
 TEST(DetectMasks, NetworkMasksBecomeSharp) {
   const Footage footage;
-  int advanced = 0;
+  int frames = 0;
+  const StaticBackground background =
+      tools::learn_background_of(footage.source, [&](const cv::Mat&) { return footage.mask(frames++); });
+  EXPECT_EQ(frames, kFrames);
+  EXPECT_GT(background.known_share(), 0.9);
   ASSERT_LT(overlap(footage.mask(3) >= 128, ground_truth(3)), 0.93);
-  EXPECT_TRUE(tools::sharpen_masks(footage.source, footage.folder / "masks", [&] { return ++advanced > 0; }));
-  EXPECT_EQ(advanced, kFrames);
   for (int frame = 0; frame < kFrames; ++frame) {
-    const cv::Mat mask = footage.mask(frame);
+    const cv::Mat mask = sharpen_mask(footage.image(frame), footage.mask(frame), background);
     EXPECT_GT(overlap(mask, ground_truth(frame)), 0.97) << frame;
     EXPECT_EQ(cv::countNonZero((mask != 0) & (mask != 255)), 0);
-  }
-}
-
-TEST(DetectMasks, StopsWhereAsked) {
-  const Footage footage;
-  int advanced = 0;
-  EXPECT_FALSE(tools::sharpen_masks(footage.source, footage.folder / "masks", [&] { return ++advanced < 2; }));
-  EXPECT_EQ(advanced, 2);
-}
-
-TEST(DetectMasks, AMissingMaskIsNamed) {
-  const Footage footage;
-  const auto file = tools::mask_file(footage.folder / "masks", 4);
-  std::filesystem::remove(file);
-  try {
-    tools::sharpen_masks(footage.source, footage.folder / "masks", [] { return true; });
-    FAIL() << "no error";
-  } catch (const FileError& error) {
-    EXPECT_EQ(error.location.file, file.string());
   }
 }
 

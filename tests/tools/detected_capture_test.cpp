@@ -81,6 +81,15 @@ TEST_F(CaptureToDetect, ResultsAreACaptureAgain) {
   EXPECT_TRUE(fs::equivalent(other.calibration_path(), capture() / "cameras.yml"));
 }
 
+// The keypoints are those of the chosen person alone; the index of another detection would be out of range.
+TEST_F(CaptureToDetect, ResultsDoNotNameAPerson) {
+  write(", keypoints: k.csv, person: 1");
+  write_detected_capture(capture(), root() / "out", report(root() / "out", false));
+  EXPECT_FALSE(read_capture(root() / "out").sequences[0].person);
+  write_detected_capture(capture(), root() / "out", report(root() / "out", false), true);
+  EXPECT_EQ(read_capture(root() / "out").sequences[0].person->person, 1) << "with the keypoints of the capture";
+}
+
 TEST_F(CaptureToDetect, VideosHaveNoDescription) {
   write_detected_capture(capture() / "a.mp4", root() / "out", report(root() / "out", false));
   EXPECT_FALSE(fs::exists(root() / "out/capture.yaml"));

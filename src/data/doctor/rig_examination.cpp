@@ -374,7 +374,8 @@ class RigExaminer {
             percent(before), when, ratio, best.what, percent(best.residual)),
         other_person
             ? "The keypoints of this camera show another person, or come from another recording. Detect them "
-              "again, or choose the person with `doppel detect`."
+              "again. Of several people, `doppel detect CAPTURE --person CAMERA X Y` follows the one at this pixel in "
+              "all cameras."
             : "Look at the images of this camera in the report. Calibrate the camera again if its keypoints are "
               "right.");
   }

@@ -14,6 +14,7 @@ namespace doppel {
 namespace {
 
 constexpr float kMinPresence = 0.5f;
+constexpr std::size_t kLeftHip = 23, kRightHip = 24;
 
 /// The outputs of the landmark network in the order of use: the mask is the last one, so that it can be left out.
 enum LandmarkOutput : std::size_t { kPoints, kPresence, kHeatmaps, kWorld, kMaskLogits };
@@ -68,27 +69,36 @@ bool all_finite(std::span<const float> values) {
 struct BodyDetector::Impl {
   Impl(const BodyDetectorOptions& options, const std::filesystem::path& folder)
       : masks(options.masks),
-        mirror(options.mirror),
-        threads(std::make_shared<NetworkThreads>(options.threads)),
-        boxes(read_detector(folder), threads),
-        landmarks(read_landmarks(options.model, folder, options.masks), threads) {}
+        boxes(read_detector(folder), options.threads),
+        landmarks(read_landmarks(options.model, folder, options.masks), options.threads) {
+    if (options.mirror) mirrored.emplace(read_landmarks(options.model, folder, false), options.threads);
+  }
 
   /// The pose of the person in one region. @return as read_pose
   std::optional<BodyPose> read(const cv::Mat& image, const BodyRoi& roi) {
+    std::optional<BodyPose> pose = read(landmarks, image, roi);
+    if (pose && masks) pose->mask = draw_person_mask(landmarks.output(kMaskLogits), roi, image.size());
+    if (!pose || !mirrored) return pose;
+    BodyRoi in_mirror = roi;
+    in_mirror.mirrored = true;
+    const std::optional<BodyPose> other = read(*mirrored, image, in_mirror);
+    return other ? mean_pose(*pose, *other) : pose;
+  }
+
+  /// The same without a mask.
+  static std::optional<BodyPose> read(Network& landmarks, const cv::Mat& image, const BodyRoi& roi) {
     sample_roi(image, roi, kRoiPixels, landmarks.input());
     landmarks.run();
     const LandmarkOutputs outputs{landmarks.output(kPoints), landmarks.output(kHeatmaps), landmarks.output(kWorld),
                                   landmarks.output(kPresence)[0]};
     if (!(outputs.presence > kMinPresence) || !all_finite(outputs.points) || !all_finite(outputs.world))
       return std::nullopt;
-    BodyPose pose = decode_pose(outputs, roi);
-    if (masks) pose.mask = draw_person_mask(landmarks.output(kMaskLogits), roi, image.size());
-    return pose;
+    return decode_pose(outputs, roi);
   }
 
-  bool masks, mirror;
-  std::shared_ptr<NetworkThreads> threads;
+  bool masks;
   Network boxes, landmarks;
+  std::optional<Network> mirrored;  ///< `landmarks` without masks, which a second look hardly improves
 };
 
 BodyDetector::BodyDetector(const BodyDetectorOptions& options)
@@ -110,12 +120,7 @@ std::vector<BodyBox> BodyDetector::find_boxes(const cv::Mat& image) {
 std::optional<BodyPose> BodyDetector::read_pose(const cv::Mat& image, const BodyRoi& roi) {
   require_image(image);
   if (!roi.valid()) return std::nullopt;
-  std::optional<BodyPose> pose = impl_->read(image, roi);
-  if (!pose || !impl_->mirror) return pose;
-  BodyRoi in_mirror = roi;
-  in_mirror.mirrored = true;
-  const std::optional<BodyPose> mirrored = impl_->read(image, in_mirror);
-  return mirrored ? mean_pose(*pose, *mirrored) : pose;
+  return impl_->read(image, roi);
 }
 
 std::optional<BodyPose> BodyDetector::detect(const cv::Mat& image) {
@@ -133,13 +138,20 @@ std::vector<BodyPose> BodyDetector::detect_all(const cv::Mat& image) {
 
 BodyRoi roi_of_box(const BodyBox& box) { return body_roi(box.keypoints[0], box.keypoints[1]); }
 
+Eigen::Vector2d hips_of(const BodyPose& pose) {
+  const BodyLandmark &left = pose.landmarks[kLeftHip], &right = pose.landmarks[kRightHip];
+  return {0.5 * (left.x + right.x), 0.5 * (left.y + right.y)};
+}
+
 BodyTracker::BodyTracker(BodyDetector& detector, std::optional<Eigen::Vector2d> hint)
     : detector_(&detector), position_(hint) {}
 
-std::optional<BodyPose> BodyTracker::track(const cv::Mat& image) {
+std::optional<BodyPose> BodyTracker::track(const cv::Mat& image, const std::optional<PersonAnchor>& known) {
   std::optional<BodyPose> pose;
-  if (roi_) pose = detector_->read_pose(image, *roi_);
-  if (!pose) pose = find_again(image);
+  const bool hidden = known && !known->visible;
+  if (roi_ && !hidden) pose = detector_->read_pose(image, *roi_);
+  if (pose && known && !known->holds(hips_of(*pose))) pose.reset();
+  if (!pose && !hidden) pose = find_again(image, known);
   roi_.reset();
   if (!pose) return pose;
   roi_ = pose->next_roi;
@@ -147,7 +159,8 @@ std::optional<BodyPose> BodyTracker::track(const cv::Mat& image) {
   return pose;
 }
 
-std::optional<BodyPose> BodyTracker::find_again(const cv::Mat& image) {
+std::optional<BodyPose> BodyTracker::find_again(const cv::Mat& image, const std::optional<PersonAnchor>& known) {
+  if (known) position_ = known->hips;
   std::vector<BodyBox> boxes = detector_->find_boxes(image);
   const auto distance = [&](const BodyBox& box) { return (box.keypoints[0] - *position_).norm(); };
   if (position_) {
@@ -155,7 +168,8 @@ std::optional<BodyPose> BodyTracker::find_again(const cv::Mat& image) {
                      [&](const BodyBox& a, const BodyBox& b) { return distance(a) < distance(b); });
   }
   for (const BodyBox& box : boxes) {
-    if (auto pose = detector_->read_pose(image, roi_of_box(box))) return pose;
+    auto pose = detector_->read_pose(image, roi_of_box(box));
+    if (pose && (!known || known->holds(hips_of(*pose)))) return pose;
   }
   return std::nullopt;
 }

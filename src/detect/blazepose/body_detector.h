@@ -7,14 +7,15 @@
 #include "doppel/detect/blazepose/body_boxes.h"
 #include "doppel/detect/blazepose/body_pose.h"
 #include "doppel/detect/blazepose/model_files.h"
+#include "doppel/detect/keypoints/person_guide.h"
 
 namespace doppel {
 
 struct BodyDetectorOptions {
   BlazePoseModel model = BlazePoseModel::full;
   int threads = 1;
-  bool masks = true;               ///< whether poses have a mask
-  bool mirror = false;             ///< also reads the region's mirror image, and takes the mean: twice the time
+  bool masks = true;    ///< whether poses have a mask
+  bool mirror = false;  ///< also reads the region's mirror image, and takes the mean of points: twice the time
   std::filesystem::path models{};  ///< folder of the model files; empty: `models_folder`
 };
 
@@ -52,6 +53,8 @@ class BodyDetector {
 
 /// The region in which the landmark network looks for the person of a box.
 BodyRoi roi_of_box(const BodyBox& box);
+/// The middle of the hips, pixels.
+Eigen::Vector2d hips_of(const BodyPose& pose);
 
 /// Follows one person through the frames of a video. The region of a frame comes from the landmarks of the frame
 /// before, which is faster than to detect anew, and keeps the same person among several.
@@ -63,11 +66,14 @@ class BodyTracker {
 
   /// The person in the next frame. Where nothing is found in the region of the frame before, all people are detected
   /// anew, and the one nearest to the last known position counts.
-  /// @return nothing when nobody is found @throws as `BodyDetector::find_boxes`
-  std::optional<BodyPose> track(const cv::Mat& image);
+  /// @param known where the person is in this frame, if known: somebody whose hips are not there is not the person, who
+  /// is then looked for there
+  /// @return nothing when nobody is found, or the person is known to be invisible
+  /// @throws as `BodyDetector::find_boxes`
+  std::optional<BodyPose> track(const cv::Mat& image, const std::optional<PersonAnchor>& known = std::nullopt);
 
  private:
-  std::optional<BodyPose> find_again(const cv::Mat& image);
+  std::optional<BodyPose> find_again(const cv::Mat& image, const std::optional<PersonAnchor>& known);
 
   BodyDetector* detector_;
   std::optional<Eigen::Vector2d> position_;  ///< last known middle of the hips, pixels

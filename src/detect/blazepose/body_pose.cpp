@@ -153,8 +153,6 @@ BodyPose mean_pose(const BodyPose& first, const BodyPose& second) {
                          0.5 * (a.presence + b.presence)};
     mean.world[i] = 0.5 * (first.world[i] + second.world[i]);
   }
-  mean.mask = cv::Mat();  // not to write into that of `first`
-  if (!first.mask.empty()) cv::addWeighted(first.mask, 0.5, second.mask, 0.5, 0.0, mean.mask);
   return mean;
 }
 

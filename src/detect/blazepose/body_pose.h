@@ -53,7 +53,7 @@ struct LandmarkOutputs {
 /// in a window of 7 x 7 cells around it, if the map has a probability of 0.5 or more there.
 BodyPose decode_pose(const LandmarkOutputs& outputs, const BodyRoi& roi);
 
-/// The mean of two poses of one person in one image. Score and regions are those of the first.
+/// The mean of the points of two poses of one person in one image. Score, regions and mask are those of the first.
 BodyPose mean_pose(const BodyPose& first, const BodyPose& second);
 
 /// The probability of the person in each pixel of the image, times 255, 8-bit; 0 outside of the region. The network's

@@ -8,28 +8,13 @@
 
 namespace doppel {
 
-/// Threads that networks share. One network at a time may run on them.
-class NetworkThreads {
- public:
-  /// @throws UsageError when `count` is not 1 to 64
-  explicit NetworkThreads(int count);
-  ~NetworkThreads();
-  NetworkThreads(const NetworkThreads&) = delete;
-  NetworkThreads& operator=(const NetworkThreads&) = delete;
-
- private:
-  friend class Network;
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
-};
-
-/// A network that is ready to run: weights are packed and memory is planned. XNNPACK computes it, in float32, as
-/// TensorFlow Lite does on a CPU. The number of threads does not change the results. Not thread-safe.
+/// A network that is ready to run: weights are packed and memory is planned. oneDNN computes it, in float32. The number
+/// of threads does not change the results. Not thread-safe.
 class Network {
  public:
-  /// @param model has one input
-  /// @throws FileError when `check_shapes` refuses the model, or XNNPACK does
-  Network(const NetworkModel& model, std::shared_ptr<NetworkThreads> threads);
+  /// @param model has one input @param threads of OpenMP that `run` uses
+  /// @throws FileError when `check_shapes` refuses the model, or oneDNN does; UsageError when `threads` is not 1 to 64
+  explicit Network(const NetworkModel& model, int threads = 1);
   ~Network();
   Network(const Network&) = delete;
   Network& operator=(const Network&) = delete;

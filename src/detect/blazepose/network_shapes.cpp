@@ -69,7 +69,7 @@ class ShapeCheck {
     }
   }
 
-  /// XNNPACK ends the program when it meets a result that nothing uses.
+  /// A file with a result that nothing uses is damaged.
   void check_uses() const {
     std::vector<bool> used(known_.size(), false);
     for (const int output : model_.outputs) used[output] = true;

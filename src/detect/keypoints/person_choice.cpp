@@ -15,6 +15,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kStep = 0.3, kStepPerFrame = 0.15, kMaxStep = 1.5;  ///< metres that a body may move
+constexpr long kGoesStraight = 15;                                   ///< frames that a body is expected to do so
 constexpr double kEquallyGood = 0.75;                                ///< of the support of the best person
 constexpr double kWorthNaming = 0.1;
 constexpr double kGoesOn = 0.6;     ///< of the mean support per frame, to count as the same person later
@@ -36,6 +37,20 @@ struct GroupTrack {
     for (const auto& [frame, group] : groups) sum += group.middle;
     return sum / static_cast<double>(std::max<std::size_t>(1, groups.size()));
   }
+  /// Where the middle of the body is expected in a later frame. The velocity is that of the last `kGoesStraight` frames
+  /// or somewhat more: from one frame to the next, the noise of the detections would outweigh it.
+  Vector3d expected(long frame, long step) const {
+    const auto& [last, now] = *groups.rbegin();
+    for (auto before = std::next(groups.rbegin()); before != groups.rend(); ++before) {
+      const long passed = (last - before->first) * step;
+      if (passed < kGoesStraight) continue;
+      if (passed > 3 * kGoesStraight) break;
+      const long ahead = std::min((frame - last) * step, kGoesStraight);
+      return now.middle +
+             (now.middle - before->second.middle) * static_cast<double>(ahead) / static_cast<double>(passed);
+    }
+    return now.middle;
+  }
   bool overlaps(const GroupTrack& other) const {
     return std::any_of(other.groups.begin(), other.groups.end(),
                        [&](const auto& item) { return groups.count(item.first) > 0; });
@@ -43,17 +58,18 @@ struct GroupTrack {
 };
 
 /// Gives each group of a frame to the nearest track that it may continue, or to a new one.
-void link_groups(long frame, std::vector<PersonGroup> groups, std::vector<GroupTrack>& tracks) {
+void link_groups(long frame, long step, std::vector<PersonGroup> groups, std::vector<GroupTrack>& tracks) {
   struct Link {
     double distance;
     std::size_t group, track;
   };
   std::vector<Link> links;
   for (std::size_t t = 0; t < tracks.size(); ++t) {
-    const auto& [last, before] = *tracks[t].groups.rbegin();
-    const double reach = std::min(kMaxStep, kStep + kStepPerFrame * static_cast<double>(frame - last));
+    const long last = tracks[t].groups.rbegin()->first;
+    const double reach = std::min(kMaxStep, kStep + kStepPerFrame * static_cast<double>((frame - last) * step));
+    const Vector3d expected = tracks[t].expected(frame, step);
     for (std::size_t g = 0; g < groups.size(); ++g) {
-      const double distance = (groups[g].middle - before.middle).norm();
+      const double distance = (groups[g].middle - expected).norm();
       if (distance <= reach) links.push_back({distance, g, t});
     }
   }
@@ -132,8 +148,8 @@ int wanted_person(const std::vector<FoundPerson>& people, const PersonChoiceOpti
 class ChosenPerson {
  public:
   ChosenPerson(const std::vector<std::vector<People>>& frames, const PersonGrouper& grouper, const GroupTrack& track,
-               int longest_gap)
-      : frames_(frames), grouper_(grouper), longest_gap_(longest_gap) {
+               const PersonChoiceOptions& options)
+      : frames_(frames), grouper_(grouper), longest_gap_(options.longest_gap / options.step) {
     for (auto before = track.groups.begin(); before != track.groups.end(); ++before) {
       complete(before->first, before->second);
       const auto after = std::next(before);
@@ -169,17 +185,17 @@ class ChosenPerson {
 
   const std::vector<std::vector<People>>& frames_;
   const PersonGrouper& grouper_;
-  long longest_gap_;
+  long longest_gap_;  ///< of the given frames
   std::map<long, std::vector<int>> chosen_;
 };
 
 std::vector<GroupTrack> find_tracks(const std::vector<std::vector<People>>& frames, const PersonGrouper& grouper,
-                                    std::size_t cameras) {
+                                    std::size_t cameras, long step) {
   std::vector<GroupTrack> tracks;
   for (std::size_t f = 0; f < frames.size(); ++f) {
     if (frames[f].size() != cameras)
       fail("following a person: frame {} has people of {} cameras, expected {}", f, frames[f].size(), cameras);
-    link_groups(static_cast<long>(f), grouper.find(frames[f]), tracks);
+    link_groups(static_cast<long>(f), step, grouper.find(frames[f]), tracks);
   }
   std::stable_sort(tracks.begin(), tracks.end(), has_more_support);
   join_tracks(tracks);
@@ -220,7 +236,7 @@ std::vector<std::string> PersonChoice::doubts(const std::vector<Camera>& cameras
 PersonChoice follow_people(const std::vector<std::vector<People>>& frames, const std::vector<Camera>& cameras,
                            const PointLayout& layout, const PersonChoiceOptions& options) {
   const PersonGrouper grouper(cameras, mirrored_indices(layout.points), options.max_residual);
-  const std::vector<GroupTrack> tracks = find_tracks(frames, grouper, cameras.size());
+  const std::vector<GroupTrack> tracks = find_tracks(frames, grouper, cameras.size(), options.step);
   PersonChoice choice;
   for (const GroupTrack& track : tracks)
     if (track.support >= kWorthNaming * tracks[0].support) choice.people.push_back(described(track, frames.size()));
@@ -229,7 +245,7 @@ PersonChoice follow_people(const std::vector<std::vector<People>>& frames, const
                      choice.people[1].support >= kEquallyGood * choice.people[0].support;
   const GroupTrack nobody;
   const GroupTrack& track = choice.person < 0 ? nobody : tracks[choice.person];
-  const ChosenPerson chosen(frames, grouper, track, options.longest_gap);
+  const ChosenPerson chosen(frames, grouper, track, options);
   choice.cameras.assign(cameras.size(), 0.0);
   for (std::size_t f = 0; f < frames.size(); ++f) {
     choice.chosen.push_back(chosen.in_frame(static_cast<long>(f), cameras.size()));

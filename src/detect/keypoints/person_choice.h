@@ -15,6 +15,7 @@ struct PersonChoiceOptions {
   std::optional<Eigen::Vector3d> near;  ///< world, metres: the person whose mean position is nearest; not with `person`
   double max_residual = 0.02;           ///< of a point that agrees, as a share of the image's height
   int longest_gap = 15;                 ///< frames over which a person that was lost is expected to go on
+  long step = 1;                        ///< frames of the film from one of the given frames to the next
 
   /// Whether the options say who is followed.
   bool names_person() const { return person || near; }
@@ -44,11 +45,12 @@ struct PersonChoice {
 /// person. In each frame, every pair of detections of two cameras proposes a body by triangulating its points. The
 /// detections of all cameras whose points are near the projections of the body agree with it; its points are
 /// triangulated again from the views that agree (triangulation.h); then points at twice the distance suffice. Of bodies
-/// that share detections, the one that more cameras agree on wins. Bodies are then linked over time by their positions.
+/// that share detections, the one that more cameras agree on wins. Bodies are then linked over time by their positions;
+/// a body is expected to go on in a line for up to 15 frames, so people who cross keep apart.
 /// The person with the most support is chosen, so people who pass in the background of a few cameras lose. In frames in
 /// which fewer than two cameras see the person, the body moves on in a line. A detection whose left and right are
 /// swapped agrees as well; the mirrored order follows from the names of the points (landmark_key).
-/// @param frames [F] of [C], consecutive, synchronous; points in pixels as filmed, with distortion
+/// @param frames [F] of [C], `step` frames apart, synchronous; points in pixels as filmed, with distortion
 /// @param cameras [C] with their lenses and the size of their images
 /// @param layout of the points; every person has as many
 /// @throws UsageError: `person` is not the index of a person found, or both options are given; Error: other numbers of

@@ -17,11 +17,6 @@ constexpr int kMinViews = 3;
 constexpr double kApart = 0.2;  // distance of the hips of two people, share of the image
 constexpr int kMaxPairs = 200;  // of views that propose a point
 
-Eigen::Vector2d hips_of(const BodyPose& pose) {
-  const BodyLandmark &left = pose.landmarks[23], &right = pose.landmarks[24];
-  return {0.5 * (left.x + right.x), 0.5 * (left.y + right.y)};
-}
-
 /// How many of the people are far from all before them.
 int count_people(const std::vector<BodyPose>& poses, double apart) {
   std::vector<Eigen::Vector2d> bodies;

@@ -93,21 +93,18 @@ TEST(DecodePose, AMirroredRegionShowsTheOtherSide) {
   EXPECT_EQ(sides.size(), std::size_t(kNumBodyLandmarks));
 }
 
-TEST(MeanPose, IsTheMeanOfPointsAndMasks) {
+TEST(MeanPose, IsTheMeanOfThePoints) {
   BodyPose first, second;
   first.landmarks[4] = {10, 20, 30, 0.5, 1.0};
   second.landmarks[4] = {20, 40, 10, 1.0, 0.5};
   first.world[4] = {1, 2, 3};
   second.world[4] = {3, 2, 1};
-  first.mask = cv::Mat(2, 3, CV_8U, cv::Scalar(100));
-  second.mask = cv::Mat(2, 3, CV_8U, cv::Scalar(200));
   first.score = 0.9;
   const BodyPose mean = mean_pose(first, second);
   EXPECT_NEAR(mean.landmarks[4].x, 15, 1e-12);
   EXPECT_NEAR(mean.landmarks[4].z, 20, 1e-12);
   EXPECT_NEAR(mean.landmarks[4].visibility, 0.75, 1e-12);
   EXPECT_LT((mean.world[4] - Vector3d(2, 2, 2)).norm(), 1e-12);
-  EXPECT_EQ(mean.mask.at<uchar>(1, 2), 150);
   EXPECT_EQ(mean.score, 0.9);
 }
 

@@ -45,7 +45,7 @@ TEST(FoldPadding, MakesThePadPartOfTheConvolution) {
   ASSERT_EQ(folded.operators.size(), 1u);
   EXPECT_EQ(folded.operators[0].inputs[0], model.inputs[0]);
   EXPECT_NO_THROW(check_shapes(folded));
-  Network network(model, std::make_shared<NetworkThreads>(1));
+  Network network(model, 1);
   for (std::size_t i = 0; i < 9; ++i) network.input()[i] = static_cast<float>(i + 1);
   network.run();
   // Rows: zeros, 1 2 3, 4 5 6, 7 8 9; columns: two zeros before, one after.

@@ -39,7 +39,7 @@ NetworkModel model_of(const std::string& file) {
 }
 
 Values run_network(const std::string& file, const Values& input, std::size_t output = 0) {
-  Network network(model_of(file), std::make_shared<NetworkThreads>(1));
+  Network network(model_of(file), 1);
   EXPECT_EQ(network.input().size(), input.size());
   std::copy(input.begin(), input.end(), network.input().begin());
   network.run();
@@ -259,7 +259,11 @@ TEST(Network, AnIntermediateResultMayBeAnOutputToo) {
 }
 
 TEST(Network, RefusesZeroThreads) {
-  EXPECT_THAT(support::message_of<UsageError>([] { NetworkThreads(0); }), HasSubstr("allowed is 1 to 64"));
+  SmallModel model;
+  const int in = model.tensor({1, 5}), out = model.tensor({1, 5});
+  model.step(Op::LOGISTIC, {in}, out);
+  const NetworkModel read = model_of(model.file({in}, {out}));
+  EXPECT_THAT(support::message_of<UsageError>([&] { Network(read, 0); }), HasSubstr("allowed is 1 to 64"));
 }
 
 TEST(Network, RefusesTwoInputs) {
@@ -267,8 +271,7 @@ TEST(Network, RefusesTwoInputs) {
   const int a = model.tensor({1, 4}), b = model.tensor({1, 4}), out = model.tensor({1, 4});
   model.step(Op::ADD, {a, b}, out, tflite::AddOptionsT());
   const NetworkModel read = model_of(model.file({a, b}, {out}));
-  EXPECT_THAT(support::message_of<FileError>([&] { Network(read, std::make_shared<NetworkThreads>(1)); }),
-              HasSubstr("has 2 inputs, expected 1"));
+  EXPECT_THAT(support::message_of<FileError>([&] { Network(read, 1); }), HasSubstr("has 2 inputs, expected 1"));
 }
 
 }  // namespace

@@ -92,7 +92,7 @@ class RealBlazePoseNetworks : public RealBlazePose {
 
 TEST_F(RealBlazePoseNetworks, LandmarkOutputsAgreeWithTensorFlowLite) {
   for (const BlazePoseModel model : kModels) {
-    Network network(read_tflite(find_model(landmark_file(model))), std::make_shared<NetworkThreads>(1));
+    Network network(read_tflite(find_model(landmark_file(model))), 1);
     fill_with_sines(network.input(), kRoiPixels, 1, 0);
     check_landmarks(network, "sine_" + to_string(model));
     const std::vector<float> input = vector_of("real_cam01_f030_landmark_input");
@@ -102,7 +102,7 @@ TEST_F(RealBlazePoseNetworks, LandmarkOutputsAgreeWithTensorFlowLite) {
 }
 
 TEST_F(RealBlazePoseNetworks, DetectorOutputsAgreeWithTensorFlowLite) {
-  Network network(read_tflite(find_model(kDetectorFile)), std::make_shared<NetworkThreads>(1));
+  Network network(read_tflite(find_model(kDetectorFile)), 1);
   fill_with_sines(network.input(), kDetectorPixels, 2, -1);
   check_detector(network, "sine_detector");
   const std::vector<float> input = vector_of("real_cam01_f030_detector_input");
@@ -112,7 +112,7 @@ TEST_F(RealBlazePoseNetworks, DetectorOutputsAgreeWithTensorFlowLite) {
 
 TEST_F(RealBlazePoseNetworks, TheNumberOfThreadsDoesNotChangeTheResult) {
   const NetworkModel model = read_tflite(find_model(landmark_file(BlazePoseModel::lite)));
-  Network one(model, std::make_shared<NetworkThreads>(1)), three(model, std::make_shared<NetworkThreads>(3));
+  Network one(model, 1), three(model, 3);
   for (Network* network : {&one, &three}) {
     fill_with_sines(network->input(), kRoiPixels, 1, 0);
     network->run();

@@ -44,7 +44,7 @@ TEST_F(TfliteFile, ReadsHalvesAndSparseConstants) {
 }
 
 TEST_F(TfliteFile, AMixedNetworkRuns) {
-  Network network(read(mixed_network()), std::make_shared<NetworkThreads>(2));
+  Network network(read(mixed_network()), 2);
   for (std::size_t i = 0; i < 32; ++i) network.input()[i] = static_cast<float>(i);
   network.run();
   // Pixel (0, 0) of the pool: channel 0 is the largest input of channel 1 (index 11), channel 1 is 10 - 2 * 0.
@@ -55,22 +55,19 @@ TEST_F(TfliteFile, AMixedNetworkRuns) {
 }
 
 TEST_F(TfliteFile, SurvivesHostileFiles) {
-  const auto threads = std::make_shared<NetworkThreads>(1);
   support::expect_survives_hostile_files(
-      path_, mixed_network(), [&](const std::filesystem::path& path) { Network(read_tflite(path), threads).run(); },
-      200);
+      path_, mixed_network(), [&](const std::filesystem::path& path) { Network(read_tflite(path)).run(); }, 200);
 }
 
 TEST_F(TfliteFile, SurvivesEveryChangedByte) {
   const std::string valid = mixed_network();
-  const auto threads = std::make_shared<NetworkThreads>(1);
   std::size_t refused = 0;
   for (std::size_t i = 0; i < valid.size(); ++i) {
     for (const int change : {0x01, 0x80, 0xff}) {
       std::string broken = valid;
       broken[i] = static_cast<char>(broken[i] ^ change);
       const std::string message =
-          support::expect_rejects_or_reads("byte " + std::to_string(i), [&] { Network(read(broken), threads).run(); });
+          support::expect_rejects_or_reads("byte " + std::to_string(i), [&] { Network(read(broken)).run(); });
       refused += !message.empty();
     }
   }
