@@ -49,10 +49,10 @@ class Program {
   Program() {
     app_.set_version_flag("--version", DOPPEL_VERSION);
     app_.require_subcommand(1);
-    commands_ = {add_make(app_), add_synth(app_),    add_calibrate(app_), add_capture(app_), add_character(app_), add_prepare(app_),
-                 add_detect(app_),   add_doctor(app_),    add_track(app_),   add_train(app_),     add_adapt(app_),
-                 add_evaluate(app_), add_merge(app_),     add_compare(app_), add_animate(app_),   add_export(app_),
-                 add_view(app_),     add_info(app_)};
+    commands_ = {add_make(app_),    add_synth(app_),    add_calibrate(app_), add_capture(app_), add_character(app_),
+                 add_prepare(app_), add_detect(app_),   add_doctor(app_),    add_track(app_),   add_train(app_),
+                 add_adapt(app_),   add_evaluate(app_), add_merge(app_),     add_compare(app_), add_animate(app_),
+                 add_export(app_),  add_view(app_),     add_info(app_)};
     for (Command& command : commands_) add_common_options(command, common_, shard_);
   }
 

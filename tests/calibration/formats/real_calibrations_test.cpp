@@ -184,7 +184,9 @@ class RealCalibrationCases : public support::SharedFolderTest {
  protected:
   void SetUp() override {
     SharedFolderTest::SetUp();
-    if (!IsSkipped() && !fs::exists(shared_ / "cases")) GTEST_SKIP() << shared_ / "cases" << " is missing";
+    if (!IsSkipped() && !fs::exists(shared_ / "cases"))
+      GTEST_SKIP() << shared_ / "cases"
+                   << " is missing";
   }
   fs::path file(const char* name) const { return shared_ / "cases" / name; }
 };
@@ -213,8 +215,8 @@ TEST_F(RealCalibrationCases, TheSubjectIsThatOfTheFolder) {
 }
 
 TEST_F(RealCalibrationCases, AStereoFileHasItsOwnIntrinsics) {
-  for (const char* name : {"31-opencv-stereo-in-one-file/a/stereo_calib.yml",
-                           "31-opencv-stereo-in-one-file/c/stereo_calib.yml"}) {
+  for (const char* name :
+       {"31-opencv-stereo-in-one-file/a/stereo_calib.yml", "31-opencv-stereo-in-one-file/c/stereo_calib.yml"}) {
     const std::vector<Camera> cameras = read_calibration(file(name));
     ASSERT_EQ(cameras.size(), 2u);
     EXPECT_EQ(cameras[0].K(0, 0), 1750);
