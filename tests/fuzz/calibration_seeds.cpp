@@ -50,7 +50,7 @@ constexpr const char* kStereoXml =
     R"(<?xml version="1.0"?><opencv_storage><image_width>640</image_width><image_height>480</image_height>
 <camera_matrix type_id="opencv-matrix"><rows>3</rows><cols>3</cols><dt>d</dt><data>8. 0. 3. 0. 8. 2. 0. 0. 1.</data>
 </camera_matrix><distortion_coefficients type_id="opencv-matrix"><rows>4</rows><cols>1</cols><dt>d</dt>
-<data>0.01 0.02 0.03 0.04</data></distortion_coefficients><names>"a b" c</names><list><_>1</_><_>2</_></list>
+<data>0.01 0.02 0.03 0.04</data></distortion_coefficients><sides>"a b" c</sides><list><_>1</_><_>2</_></list>
 </opencv_storage>)";
 
 /// The names of cv::stereoCalibrate's arguments, with left and right.

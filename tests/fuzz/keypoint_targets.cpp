@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "doppel/core/npy.h"
@@ -53,7 +55,12 @@ void read_keypoint_bytes(std::string_view bytes, const Path& folder, const char*
 /// The project's own table, which survives writing and reading.
 void read_table_bytes(std::string_view bytes, const Path& folder) {
   const Path path = written(bytes, folder, "a.csv"), again_path = folder / "again.csv";
-  const PointLayout layout{"own", read_detections(path, keypoint_camera()).points};
+  const Detections found = read_detections(path, keypoint_camera());
+  PointLayout layout{"own", found.points};
+  for (const DetectedImage& image : found.images)  // tables with numbers in place of names
+    for (const DetectedPerson& person : image.people)
+      while (layout.points.size() < person.body.size())
+        layout.points.push_back(fmt::format("point {}", layout.points.size()));
   const std::map<long, People> frames = read_all_people(path, layout, keypoint_camera());
   write_keypoint_table(again_path, layout, frames);
   promise(is_keypoint_table(again_path), "a table is recognised");
