@@ -67,6 +67,24 @@ Json results_in(const fs::path& path) {
 
 }  // namespace
 
+ProgressChain expected_time(const std::vector<PlannedStep>& plan, std::size_t step,
+                            const std::map<std::string, double>& spent) {
+  constexpr double kMinExpected = 20.0;  // seconds: shorter steps tell nothing about the machine
+  double expected = 0.0, taken = 0.0;
+  for (std::size_t i = 0; i < step; ++i)
+    if (const auto found = spent.find(plan[i].name); found != spent.end()) {
+      expected += plan[i].seconds;
+      taken += found->second;
+    }
+  const double slower = expected >= kMinExpected ? std::clamp(taken / expected, 0.25, 8.0) : 1.0;
+  const auto seconds_of = [&](const PlannedStep& s) { return s.limited ? s.seconds : slower * s.seconds; };
+  ProgressChain chain;
+  chain.position = fmt::format("[{}/{}]", step + 1, plan.size());
+  chain.step_seconds = seconds_of(plan[step]);
+  for (std::size_t i = step + 1; i < plan.size(); ++i) chain.later_seconds += seconds_of(plan[i]);
+  return chain;
+}
+
 std::string command_line(const std::vector<std::string>& words) {
   std::string line = "doppel";
   for (const std::string& word : words) {
@@ -110,14 +128,9 @@ double MakeChain::seconds() const {
 void MakeChain::show_position(const std::string& name) {
   const auto planned = std::find_if(plan_.begin(), plan_.end(), [&](const PlannedStep& s) { return s.name == name; });
   if (planned == plan_.end()) return;
-  // The machine is as much slower than the guess as it was in the steps before.
-  double expected = 0.0;
-  for (auto step = plan_.begin(); step != planned; ++step) expected += step->seconds;
-  const double slower = expected > 0.0 ? std::clamp(seconds() / expected, 0.25, 8.0) : 1.0;
-  ProgressChain chain;
-  chain.position = fmt::format("[{}/{}]", planned - plan_.begin() + 1, plan_.size());
-  chain.step_seconds = slower * planned->seconds;
-  for (auto step = planned + 1; step != plan_.end(); ++step) chain.later_seconds += slower * step->seconds;
+  std::map<std::string, double> spent;
+  for (std::size_t i = 0; i < next_; ++i) spent[steps_[i]["name"]] = steps_[i]["seconds"].get<double>();
+  const ProgressChain chain = expected_time(plan_, static_cast<std::size_t>(planned - plan_.begin()), spent);
   fmt::print(stderr, "{} {} (whole chain: about {} left)\n", chain.position, name,
              format_duration(chain.step_seconds + chain.later_seconds));
   set_progress_chain(chain);

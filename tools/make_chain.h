@@ -1,11 +1,13 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "command.h"
+#include "doppel/core/progress.h"
 
 namespace doppel::tools {
 
@@ -13,7 +15,13 @@ namespace doppel::tools {
 struct PlannedStep {
   std::string name;
   double seconds = 0.0;  ///< a guess, which the time of the steps before corrects
+  bool limited = false;  ///< the user has set the time, so nothing corrects it
 };
+
+/// The position of a step in the chain, and the time that it and the later ones are expected to take.
+/// @param step index into the plan @param spent seconds of the steps before, by name
+ProgressChain expected_time(const std::vector<PlannedStep>& plan, std::size_t step,
+                            const std::map<std::string, double>& spent);
 
 /// A step ended with an error that it has printed, or on the user's request.
 struct StepFailed {

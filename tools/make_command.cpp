@@ -84,7 +84,7 @@ std::vector<PlannedStep> plan_of(const FootageSize& size, double minutes) {
                                 {"measure", 60.0}};
   double before = 0.0;
   for (const PlannedStep& step : plan) before += step.seconds;
-  plan.push_back({"train", std::max(0.5 * minutes * 60.0, 60.0 * minutes - before)});
+  plan.push_back({"train", std::max(0.25 * minutes * 60.0, 0.9 * minutes * 60.0 - before), true});
   plan.push_back({"evaluate", 60.0});
   plan.push_back({"export", 15.0});
   plan.push_back({"animate", 60.0});

@@ -69,11 +69,12 @@ void Progress::draw(bool last) {
 
   // Steps of an earlier run took no time in this run, so they do not count for the speed.
   std::string time;
+  double left = 0.0;  // 0: not known
   if (last) {
     time = "in " + format_duration(elapsed);
   } else if (done_ > initial_ && done_ < total_) {
-    time = format_duration(elapsed * static_cast<double>(total_ - done_) / static_cast<double>(done_ - initial_)) +
-           " left";
+    left = elapsed * static_cast<double>(total_ - done_) / static_cast<double>(done_ - initial_);
+    time = format_duration(left) + " left";
   }
 
   const std::optional<ProgressChain>& chain = progress_chain();
@@ -86,8 +87,8 @@ void Progress::draw(bool last) {
   if (!time.empty()) line += " " + time;
   if (!note_.empty()) line += "  " + note_;
   if (chain) {
-    const double step_left = std::max(0.0, chain->step_seconds - seconds_between(chain->begin, drawn_));
-    line += "  (whole chain: about " + format_duration(step_left + chain->later_seconds) + " left)";
+    const double planned = chain->step_seconds - seconds_between(chain->begin, drawn_);
+    line += "  (whole chain: about " + format_duration(std::max(left, planned) + chain->later_seconds) + " left)";
   }
 
   if (terminal_) {

@@ -50,5 +50,16 @@ TEST(MakeChainReference, CommandLinesAreQuotedAsShellsNeedIt) {
   EXPECT_EQ(command_line({"make", "a b", "it's", ""}), "doppel make 'a b' 'it'\\''s' ''");
 }
 
+TEST(ExpectedTime, FollowsTheSpeedOfTheStepsBefore) {
+  const std::vector<PlannedStep> plan{{"a", 1.0}, {"b", 100.0}, {"skipped", 50.0}, {"c", 10.0}, {"d", 600.0, true}};
+  const ProgressChain first = expected_time(plan, 1, {{"a", 0.1}});
+  EXPECT_EQ(first.position, "[2/5]");
+  EXPECT_DOUBLE_EQ(first.step_seconds, 100.0) << "a step of a second tells nothing";
+  EXPECT_DOUBLE_EQ(first.later_seconds, 660.0);
+  const ProgressChain later = expected_time(plan, 3, {{"a", 2.0}, {"b", 200.0}});
+  EXPECT_DOUBLE_EQ(later.step_seconds, 20.0);
+  EXPECT_DOUBLE_EQ(later.later_seconds, 600.0) << "the user has set this time";
+}
+
 }  // namespace
 }  // namespace doppel::tools::make_recipe_test
