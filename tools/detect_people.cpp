@@ -11,6 +11,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
+#include "doppel/data/capture/capture_cameras.h"
 #include "doppel/detect/keypoints/person_anchors.h"
 
 namespace doppel::tools {
@@ -66,12 +67,8 @@ SeenPeople seen_together(const PeopleSearch& search, std::span<const DetectSourc
   together.step = search.step;
   together.people.resize(search.rows.size());
   for (std::size_t c = 0; c < seen.size(); ++c) {
-    Camera camera = *sources[search.sources[c]].calibration;
-    if (camera.width <= 0 || camera.height <= 0) {
-      camera.width = seen[c].image.width;
-      camera.height = seen[c].image.height;
-    }
-    together.cameras.push_back(camera.scaled_to(seen[c].image.width, seen[c].image.height));
+    const DetectSource& source = sources[search.sources[c]];
+    together.cameras.push_back(fit_to_images(*source.calibration, seen[c].image, source.images));
     for (std::size_t f = 0; f < search.rows.size(); ++f) together.people[f].push_back(seen[c].people[f]);
   }
   return together;

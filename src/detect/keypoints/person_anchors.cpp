@@ -74,8 +74,11 @@ class Moments {
   /// [F] the anchors of a person in a camera.
   std::vector<std::optional<PersonAnchor>> anchors(int person, std::size_t camera) const {
     std::vector<std::optional<PersonAnchor>> anchors;
-    for (std::size_t f = 0; f < seen_.people.size(); ++f)
-      anchors.push_back(among_others(anchor_of(people_[as_size(person)], f, camera), person, f, camera));
+    for (std::size_t f = 0; f < seen_.people.size(); ++f) {
+      auto anchor = among_others(anchor_of(people_[as_size(person)], f, camera), person, f, camera);
+      if (!anchor && sees_only_others(person, f, camera)) anchor = PersonAnchor{{0, 0}, 0.0, false};
+      anchors.push_back(anchor);
+    }
     return anchors;
   }
 
@@ -173,6 +176,22 @@ class Moments {
           std::min(anchor->radius, std::max(0.5 * (*other - anchor->hips).norm(), kMinHipReach / kHipReach * reach));
     }
     return anchor;
+  }
+
+  /// Whether two of the people were there at the same time, so that they cannot be the same.
+  bool are_two(int person, std::size_t other) const {
+    const auto &a = people_[as_size(person)].hips, &b = people_[other].hips;
+    for (std::size_t f = 0; f < a.size(); ++f)
+      if (a[f] && b[f]) return true;
+    return false;
+  }
+
+  /// Whether a camera sees another one of the people, and not this one.
+  bool sees_only_others(int person, std::size_t f, std::size_t c) const {
+    if (people_[as_size(person)].chosen[f][c] >= 0) return false;
+    for (std::size_t i = 0; i < people_.size(); ++i)
+      if (static_cast<int>(i) != person && people_[i].chosen[f][c] >= 0 && are_two(person, i)) return true;
+    return false;
   }
 
   /// Whether a detection shows another one of the people.

@@ -39,8 +39,9 @@ struct AnchoredPerson {
 /// projection of the hips that the other cameras see. The radius is 0.35 m at the distance of the person, and half of
 /// the distance to the hips of the nearest other person if this is less, but at least 0.15 m. A person without a
 /// detection is not visible if the projection is not in the image, or if the detection of another known person is
-/// within the radius. A camera whose detections agree in less than a quarter of the moments in which it should see the
-/// person and sees somebody has no anchors: its calibration or its time is not to be trusted.
+/// within the radius. Where it is not known at all where the person is, nobody should be followed in a camera that sees
+/// another known person. A camera whose detections agree in less than a quarter of the moments in which it should see
+/// the person and sees somebody has no anchors: its calibration or its time is not to be trusted.
 /// @param wanted instead of what `options` name: the person whose hips are nearest to this pixel in the first moment in
 /// which this camera sees somebody
 /// @throws UsageError as follow_people; when `wanted` names a camera that never sees anybody whom another camera sees

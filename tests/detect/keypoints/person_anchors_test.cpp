@@ -188,6 +188,19 @@ TEST(PersonAnchors, SomebodyInOneCameraAloneIsNotThePerson) {
   expect_anchors(found, seen, man);
 }
 
+TEST(PersonAnchors, NobodyIsFollowedWhereThePersonIsLostAndAnotherIsSeen) {
+  Actor lost = stander({-0.6, 0, 0});
+  lost.is_detected = [](double row, int) { return row < 50 || row > 110; };
+  const SeenPeople seen = seen_by(camera_ring(4), {lost, stander({0.8, 0, 0.5})}, 12);
+  const AnchoredPerson found = anchor_person(seen, near({-1, 1, 0}));
+  for (const auto& anchors : found.anchors) {
+    EXPECT_TRUE(anchors[2]->visible);
+    ASSERT_TRUE(anchors[6]);
+    EXPECT_FALSE(anchors[6]->visible);
+    EXPECT_TRUE(anchors[10]->visible);
+  }
+}
+
 TEST(PersonAnchors, SaysWhereNobodyIs) {
   const SeenPeople empty = seen_by(camera_ring(3), {}, 4);
   EXPECT_EQ(anchor_person(empty, {}).person, -1);
