@@ -14,9 +14,12 @@ namespace doppel {
 namespace {
 
 constexpr int kPerson = 128;                          // probability 1/2
-constexpr double kReach = 2.3;                        // cells: farther from the coarse outline, the network is right
+constexpr int kUnsure = 26, kSure = 230;              // probabilities 0.1 and 0.9: the network is unsure between them
+constexpr double kReach = 2.3;                        // cells: farther from the coarse outline, a sure network is right
 constexpr std::array kWindows{2.3, 1.15, 1.15, 0.6};  // cells, of the passes
 constexpr int kFinePasses = 2;
+constexpr double kFineWindow = 0.85;                   // cells: the larger a person, the wider the blur of the outline
+constexpr double kMinFineWindow = 1.5;                 // pixels
 constexpr double kMinHalvedCell = 3;                   // pixels: larger ones do not need all pixels of the image
 constexpr double kMinPartArea = 16, kMinHoleArea = 4;  // squared cells
 constexpr float kDeviation = 8;                        // of colours, levels of 255
@@ -30,7 +33,7 @@ constexpr float kDarkest = 0.3f, kBrightest = 1.2f;  // of the learnt brightness
 struct Pass {
   int inset;             ///< the person's colour is taken that far inside of the outline
   int offset;            ///< the background's that far outside
-  int reach;             ///< pixels within this distance of the outline are decided
+  int reach;             ///< pixels within this distance of the outline are decided; so are unsure ones anywhere
   double person_window;  ///< deviations of the Gaussian windows
   double background_window;
   float coverage;  ///< that a pixel of the person has at least
@@ -42,8 +45,11 @@ Pass coarse_pass(double window) {
 }
 
 /// Pixels one step inside of the outline are blurred, so that their colour contains some background. A larger coverage
-/// makes up for this.
-Pass fine_pass() { return {1, 3, 2, 1.5, 3.0, 0.55f}; }
+/// makes up for this. @param cell pixels
+Pass fine_pass(double cell) {
+  const double window = std::max(kMinFineWindow, kFineWindow * cell);
+  return {1, 3, 2, window, 2.0 * window, 0.55f};
+}
 
 /// The pixels within a distance of a mask, 255.
 cv::Mat grown(const cv::Mat& mask, int radius) {
@@ -132,6 +138,7 @@ class Outline {
       : probability_(probability),
         mask_(probability >= kPerson),
         undecided_(band_around(mask_, static_cast<int>(kReach * cell + 0.5))),
+        unsure_((probability >= kUnsure) & (probability < kSure)),
         known_(background.known),
         image_(with_ones(image)) {
     if (known_.empty()) return;
@@ -149,7 +156,7 @@ class Outline {
     person_ = LocalMean<Colour>(image_, inside, pass.person_window);
     background_ = LocalMean<Colour>(image_, outside, pass.background_window);
     if (!known_.empty()) shade_ = LocalMean<Shade>(shades_, outside & known_, std::max(3.0, pass.background_window));
-    const cv::Mat band = band_around(mask_, pass.reach) & undecided_;
+    const cv::Mat band = (band_around(mask_, pass.reach) & undecided_) | unsure_;
     for (int row = 0; row < mask_.rows; ++row) decide(row, band, pass.coverage);
   }
 
@@ -199,7 +206,7 @@ class Outline {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - (1.0f - kBrightnessWeight) / 3.0f * brightness(a) * brightness(b);
   }
 
-  cv::Mat probability_, mask_, undecided_, known_;
+  cv::Mat probability_, mask_, undecided_, unsure_, known_;
   cv::Mat_<Colour> image_, learnt_;
   cv::Mat_<Shade> shades_;  ///< of seen and learnt brightness
   LocalMean<Colour> person_, background_;
@@ -270,7 +277,7 @@ cv::Mat sharpen_mask(const cv::Mat& image, const cv::Mat& probability, const Sta
   if (background.known.size() == image.size()) scene.background = {background.colour(box), background.known(box)};
   Outline outline(scene.image, scene.probability, scene.background, cell);
   outline.begin_with(coarse_mask(scene));
-  for (int i = 0; i < kFinePasses; ++i) outline.refine(fine_pass());
+  for (int i = 0; i < kFinePasses; ++i) outline.refine(fine_pass(cell));
   cv::Mat mask = result(box);
   outline.mask().copyTo(mask);
   drop_small_parts(mask, 255, kMinPartArea * cell * cell);

@@ -100,6 +100,23 @@ TEST(MaskSharpening, MasksAreExactOverALearntBackground) {
   }
 }
 
+/// The gap between the legs has the probability `value`, and is wider than the network's outline may be wrong.
+TEST(MaskSharpening, AGapOpensWhereTheNetworkIsUnsure) {
+  const Clip clip = walk(12, 13);
+  const StaticBackground background = learn_background(clip.images, clip.masks);
+  const int frame = 6, at = 80 + 13 * frame;
+  const auto gain = [&](int value) {
+    cv::Mat gap = cv::Mat::zeros(kHeight, kWidth, CV_8U), mask;
+    const std::vector<cv::Point> between{{at - 14, 215}, {at + 14, 215}, {at + 30, 335}, {at - 24, 335}};
+    cv::fillConvexPoly(gap, between, value);
+    cv::max(clip.masks[frame], gap, mask);
+    return overlap(sharpen_mask(clip.images[frame], mask, background), clip.ground_truth[frame]) -
+           overlap(mask >= 128, clip.ground_truth[frame]);
+  };
+  EXPECT_GT(gain(160), 0.1);
+  EXPECT_LT(gain(250), 0.09);  // the network is sure
+}
+
 TEST(MaskSharpening, MasksGainWithoutABackground) {
   const Clip clip = walk(1, 0);
   EXPECT_GT(overlap(sharpen_mask(clip.images[0], clip.masks[0]), clip.ground_truth[0]), 0.97);
