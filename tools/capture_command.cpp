@@ -87,6 +87,7 @@ constexpr char kAmendExample[] =
 
 struct AmendArguments {
   std::string capture, calibration, character, landmarks;
+  std::vector<std::string> cameras;
   fs::path out;
   bool hold_out = false;
   HoldOutOptions shares;
@@ -98,6 +99,14 @@ std::string existing(const std::string& option, const std::string& file) {
   return fs::absolute(file).lexically_normal().string();
 }
 
+/// Uses the named cameras alone, or all of the calibration. @throws UsageError for an unknown name
+void choose(const std::vector<std::string>& cameras, Capture& capture) {
+  capture.cameras.clear();
+  if (cameras == std::vector<std::string>{"all"}) return;
+  capture.cameras = cameras;
+  static_cast<void>(choose_cameras(capture));
+}
+
 int amend(const AmendArguments& arguments, const CommonOptions& common) {
   Capture capture = find_capture(arguments.capture);
   if (fs::exists(arguments.out) && fs::weakly_canonical(arguments.out) == fs::weakly_canonical(capture.file))
@@ -105,6 +114,7 @@ int amend(const AmendArguments& arguments, const CommonOptions& common) {
   if (!arguments.calibration.empty()) capture.calibration = existing("--calibration", arguments.calibration);
   if (!arguments.character.empty()) capture.character = existing("--character", arguments.character);
   if (!arguments.landmarks.empty()) capture.landmarks = existing("--landmarks", arguments.landmarks);
+  if (!arguments.cameras.empty()) choose(arguments.cameras, capture);
   if (arguments.hold_out) capture = hold_out(capture, filmed_cameras(capture), arguments.shares);
   write_capture(arguments.out, capture, {"Written by `doppel capture amend` from " + arguments.capture + "."});
   nlohmann::ordered_json report{{"written", arguments.out.string()}, {"sequences", nlohmann::ordered_json::array()}};
@@ -131,6 +141,8 @@ void add_amend(CLI::App& capture, const std::shared_ptr<AmendArguments>& argumen
   app->add_option("--calibration", arguments->calibration, "Calibration to use instead of the capture's");
   app->add_option("--character", arguments->character, "The .character file to use");
   app->add_option("--landmarks", arguments->landmarks, "Placement file of the landmarks to use");
+  app->add_option("--cameras", arguments->cameras, "Names of the cameras to use; `all` of the calibration")
+      ->delimiter(',');
   CLI::Option* hold_out = app->add_flag(
       "--hold-out", arguments->hold_out,
       "Keep back the end of each training take for validation and tests, where the capture has no such sequences");

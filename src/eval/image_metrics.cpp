@@ -19,6 +19,7 @@
 #include "doppel/data/dataset/loader.h"
 #include "doppel/detect/masks/mask.h"
 #include "doppel/eval/lpips.h"
+#include "doppel/eval/sharpness.h"
 #include "doppel/eval/whole_frames.h"
 
 namespace doppel {
@@ -72,6 +73,8 @@ PhotometricScores& operator+=(PhotometricScores& sum, const PhotometricScores& o
   add_if_there(sum.filmed, other.filmed);
   sum.missing_MSE += other.missing_MSE;
   sum.foreground += other.foreground;
+  sum.drawn_detail += other.drawn_detail;
+  sum.filmed_detail += other.filmed_detail;
   add_if_there(sum.LPIPS, other.LPIPS);
   add_if_there(sum.whole, other.whole);
   add_if_there(sum.whole_full, other.whole_full);
@@ -87,8 +90,7 @@ PhotometricScores mean_of(const std::vector<PhotometricScores>& all) {
     if (*part) parts.push_back(&**part);
   for (ImageScores* scores : parts)
     for (double* value : {&scores->MSE, &scores->PSNR, &scores->SSIM}) *value /= count;
-  mean.missing_MSE /= count;
-  mean.foreground /= count;
+  for (double* value : {&mean.missing_MSE, &mean.foreground, &mean.drawn_detail, &mean.filmed_detail}) *value /= count;
   if (mean.LPIPS) *mean.LPIPS /= count;
   return mean;
 }
@@ -212,6 +214,9 @@ PhotometricScores score(const cv::Mat& drawn, const cv::Mat& covered, const cv::
   missing.setTo(cv::Scalar::all(0), covered);
   scores.missing_MSE = mean_square(missing, cv::Mat::zeros(ground_truth.size(), CV_8UC3));
   scores.foreground = static_cast<double>(cv::countNonZero(mask)) / static_cast<double>(mask.total());
+  const cv::Mat both = mask & covered;
+  scores.drawn_detail = detail_energy(drawn, both);
+  scores.filmed_detail = detail_energy(ground_truth, both);
   return scores;
 }
 
@@ -299,6 +304,7 @@ nlohmann::ordered_json scores_json(const PhotometricScores& scores) {
   if (scores.filmed) json["filmed"] = scores.filmed->to_json();
   json["missing_MSE"] = scores.missing_MSE;
   json["foreground"] = scores.foreground;
+  if (scores.filmed_detail > 0.0) json["sharpness"] = scores.drawn_detail / scores.filmed_detail;
   if (scores.LPIPS) json["LPIPS"] = *scores.LPIPS;
   add_scores(json, "whole_", scores.whole);
   add_scores(json, "whole_full_", scores.whole_full);
@@ -391,6 +397,10 @@ nlohmann::ordered_json photometric_protocol(const Dataset& dataset, const Evalua
                   kWindow, kSigma);
   json["missing_MSE"] = "part of the masked MSE from pixels of the mask where nothing is drawn; the rest is colour";
   json["foreground"] = "share of the true mask in the crop; MSE / foreground is the MSE of the person alone";
+  json["sharpness"] = fmt::format(
+      "energy of the drawing above {} cycles per pixel over that of the image, inside both the true mask and the "
+      "drawing",
+      kDetailFrequency);
   if (options.lpips)
     json["LPIPS"] =
         fmt::format("AlexNet, version 0.1, of the crop; both images black outside the true mask; weights of {}",

@@ -189,6 +189,7 @@ TEST_F(PhotometricReference, TheGroundTruthHasNoError) {
   EXPECT_EQ(result.mean.masked.PSNR, kMaxPsnr);
   EXPECT_NEAR(result.mean.masked.SSIM, 1.0, 1e-9);
   EXPECT_GT(result.mean.foreground, 0.05);
+  EXPECT_EQ(result.to_json().at("sharpness"), 1.0);
   // The studio's colour, BGR (60, 140, 60), is not drawn.
   const double missing = (1 - result.mean.foreground) * (60 * 60 * 2 + 140 * 140) / 3.0;
   EXPECT_NEAR(result.mean.full.MSE, missing, 0.1 * missing);
@@ -248,6 +249,7 @@ TEST_F(PhotometricReference, WhatIsFilmedLiesOverTheBackgroundByItsOpacity) {
   EXPECT_NEAR(mean.filmed->SSIM, mean.masked.SSIM, 1e-9);
   EXPECT_GT(mean.filmed->MSE, 1.0);
   EXPECT_FALSE(evaluate(grey(0.4f, false)).mean.filmed.has_value());
+  EXPECT_LT(evaluate(grey(0.4f, false)).to_json().at("sharpness"), 1e-3) << "one colour has no detail";
   EXPECT_TRUE(evaluate(grey(0.4f, true)).to_json().at("cameras").at("c1").contains("filmed"));
 }
 

@@ -1,0 +1,57 @@
+#include <gmock/gmock.h>
+
+#include <filesystem>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/data/capture/find_capture.h"
+#include "run_program.h"
+#include "support/temporary_folder.h"
+
+namespace doppel::tools::capture_amend_test {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+/// A capture with two cameras, of which it uses one; no footage is there.
+class CaptureAmend : public ::testing::Test {
+ protected:
+  CaptureAmend() {
+    std::string cameras = "%YAML:1.0\n---\n";
+    for (const std::string name : {"a", "b"})
+      cameras += name + ":\n   name: \"" + name +
+                 "\"\n   width: 16\n   height: 16\n   K: [ 20, 0, 8, 0, 20, 8, 0, 0, 1 ]\n   dist: [ 0, 0, 0, 0 ]\n"
+                 "   R: [ 1, 0, 0, 0, -1, 0, 0, 0, -1 ]\n   t: [ 0, 1, 4 ]\n";
+    fs::create_directories(folder_.path() / "footage");
+    write_atomically(folder_.path() / "footage/cameras.yml", cameras);
+    write_atomically(folder_.path() / "footage/capture.yaml",
+                     "doppel_capture: 1\nname: anna\ncalibration: cameras.yml\ncameras: [a]\n"
+                     "sequences:\n  - {name: s, split: train, videos: '{camera}.mp4'}\n");
+  }
+  std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
+  Outcome amend(const std::string& options) const {
+    return run("capture amend " + path("footage") + " --out " + path("amended.yaml") + " " + options);
+  }
+  support::TemporaryFolder folder_;
+};
+
+TEST_F(CaptureAmend, ChoosesCameras) {
+  ASSERT_EQ(amend("").code, 0);
+  EXPECT_THAT(find_capture(path("amended.yaml")).cameras, ElementsAre("a"));
+  ASSERT_EQ(amend("--cameras b,a").code, 0);
+  EXPECT_THAT(find_capture(path("amended.yaml")).cameras, ElementsAre("b", "a"));
+  ASSERT_EQ(amend("--cameras all").code, 0);
+  EXPECT_THAT(find_capture(path("amended.yaml")).cameras, IsEmpty());
+}
+
+TEST_F(CaptureAmend, RefusesAnUnknownCamera) {
+  const Outcome outcome = amend("--cameras a,c");
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_THAT(outcome.err, HasSubstr("c"));
+  EXPECT_FALSE(fs::exists(path("amended.yaml")));
+}
+
+}  // namespace
+}  // namespace doppel::tools::capture_amend_test
