@@ -33,7 +33,7 @@ ActorDescription describe(const TrainedActor& trained) {
   description.num_vertices = trained.character.num_vertices();
   description.frames_per_second = trained.frames_per_second;
   description.fingerprint = trained.character.fingerprint();
-  if (trained.texnet) description.texture_size = trained.texnet->config().size;
+  if (trained.texnet) description.texture_size = trained.texnet->config().texture_size();
   return description;
 }
 

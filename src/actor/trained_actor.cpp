@@ -228,7 +228,7 @@ TexNet make_tex_net(const TrainedActor& actor, const TexNetConfig& config, at::G
   torch::Tensor base, light;
   if (config.residual) {
     actor.require_texture("texnet with model.residual");
-    base = resized(actor.static_texture, config.size);
+    base = resized(actor.static_texture, config.texture_size());
   }
   if (config.lit) {
     if (!actor.lighting)

@@ -50,6 +50,14 @@ void describe_keys(const Keys& keys, TexNetConfig& config) {
   keys("lit", config.lit, "with `residual`: add it to the static texture under the learnt lighting");
   keys.require("lit", config.residual || !config.lit,
                "needs `residual: true`, because lighting applies to the static texture");
+  keys(
+      "detail", config.detail, between(1, 16),
+      "with `residual`: the texture has this many times the size, a power of two, and keeps details of the static one");
+  keys.require("detail", is_power_of_two(config.detail) && (config.residual || config.detail == 1),
+               fmt::format("must be a power of two, and 1 without `residual`, found {}", config.detail));
+  keys.require("detail", config.texture_size() <= kMaxSize,
+               fmt::format("a texture has at most {} texels along a side, found {} times {}", kMaxSize, config.detail,
+                           config.size));
   keys("surface_normals", config.surface_normals,
        "the last frame's normals are those of the finished surface instead of the skinned one");
   if (config.residual) config.unet.head_scale = kResidualHeadScale;
@@ -69,6 +77,9 @@ void TexNetConfig::check() const {
   require(levels >= 0 && levels <= std::min(10, log2_of(size)),
           fmt::format("levels must lie between 0 (chosen by the size) and {}, found {}", std::min(10, log2_of(size)),
                       levels));
+  require(is_power_of_two(detail) && (residual || detail == 1) && texture_size() <= kMaxSize,
+          fmt::format("detail must be a power of two, 1 without residual, and size times detail at most {}, found {}",
+                      kMaxSize, detail));
   require(residual || !lit, "lit needs residual, because lighting applies to the static texture");
   if (!faults.empty()) fail<UsageError>("the configuration of TexNet cannot be used:{}", faults);
 }
@@ -96,7 +107,8 @@ TexNetImpl::TexNetImpl(const TexNetConfig& config, const Tensor& static_texture,
   config_.unet.levels = config_.num_levels();
   unet_ = register_module("unet", UNet(config_.num_inputs(), 3, config_.unet, std::move(generator)));
   if (!config_.residual) return;
-  check_shape("texnet", "static_texture", static_texture, {config_.size, config_.size, 3}, "[T,T,3]");
+  check_shape("texnet", "static_texture", static_texture, {config_.texture_size(), config_.texture_size(), 3},
+              "[T',T',3]");
   static_texture_ = register_buffer(
       "static_texture", static_texture.detach().to(torch::kFloat32).permute({2, 0, 1}).unsqueeze(0).contiguous());
   if (!config_.lit) return;
@@ -115,6 +127,7 @@ Tensor TexNetImpl::forward(const TexNetInput& input, std::optional<at::Generator
   const Tensor raw = unet_->forward({input.normals, input.camera}, std::move(generator), share);
   if (!config_.residual) return ((at::tanh(raw) + 1.0) * 0.5).permute({0, 2, 3, 1}).contiguous();
   const Tensor last = config_.lit ? input.normals.narrow(1, 3 * config_.past_frames, 3) : Tensor();
+  if (config_.detail > 1) return detailed_texture(raw, static_texture_, last, lighting_);
   return runs_kernels(*this, raw) ? residual_texture(raw, static_texture_, last, lighting_)
                                   : residual_texture_reference(raw, static_texture_, last, lighting_);
 }

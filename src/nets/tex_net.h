@@ -20,7 +20,7 @@ namespace doppel {
 enum class CameraCentre { absolute, root_relative };
 
 struct TexNetConfig {
-  int size = 1024;      ///< texels along a side: a power of two
+  int size = 1024;      ///< texels along a side of the network's maps: a power of two
   int past_frames = 2;  ///< F: past frames beside the current one
   int levels = 0;       ///< halvings of the UNet; 0: down to one texel, at most 10
   CameraCentre camera_centre = CameraCentre::absolute;
@@ -30,6 +30,10 @@ struct TexNetConfig {
   /// With `residual`: adds the output to the static texture under the learnt lighting at the texels' normals, so that
   /// the network learns only what distant lighting cannot explain. Not in the thesis.
   bool lit = false;
+  /// With `residual`: the texture has this many times the size along each side, a power of two. Output and lighting are
+  /// enlarged to it, and the static texture keeps the details that are finer than the network's texels. Not in the
+  /// thesis.
+  int detail = 1;
   /// The normals of the last frame are those of the finished surface, folds included, instead of the skinned surface.
   bool surface_normals = false;
   UNetConfig unet;
@@ -41,6 +45,8 @@ struct TexNetConfig {
   void check() const;
 
   int num_levels() const;
+  /// Texels along a side of the texture.
+  int texture_size() const { return size * detail; }
   /// Channels of the input: one normal per frame, the camera's centre and direction.
   int num_inputs() const { return 3 * (past_frames + 1) + 6; }
 };
@@ -63,14 +69,14 @@ torch::Tensor texnet_camera_centre(const TexNetConfig& config, const MotionWindo
 
 class TexNetImpl : public torch::nn::Module {
  public:
-  /// @param static_texture [T,T,3] RGB 0..1, with `residual` only; saved with the model
+  /// @param static_texture [T',T',3] RGB 0..1, T' = texture_size(), with `residual` only; saved with the model
   /// @param lighting [3,9] as `shade` takes it, with `lit` only; saved with the model
   /// @param generator draws the initial weights; by default a fresh one with a fixed seed
   explicit TexNetImpl(const TexNetConfig& config, const torch::Tensor& static_texture = {},
                       const torch::Tensor& lighting = {}, std::optional<at::Generator> generator = std::nullopt);
 
   /// @param generator of the dropout; needed while training unless dropout is 0 @param share the rows of a shared batch
-  /// @return [B,T,T,3] RGB 0..1; row 0 is the top (v = 1)
+  /// @return [B,T',T',3] RGB 0..1; row 0 is the top (v = 1)
   torch::Tensor forward(const TexNetInput& input, std::optional<at::Generator> generator = std::nullopt,
                         const BatchShare& share = {});
 
@@ -81,7 +87,7 @@ class TexNetImpl : public torch::nn::Module {
 
   TexNetConfig config_;
   UNet unet_{nullptr};
-  torch::Tensor static_texture_;  ///< [1,3,T,T], with residual
+  torch::Tensor static_texture_;  ///< [1,3,T',T'], with residual
   torch::Tensor lighting_;        ///< [3,9], with lit
 };
 TORCH_MODULE(TexNet);

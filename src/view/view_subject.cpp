@@ -93,7 +93,7 @@ ViewSubject of_run(const fs::path& run, const ViewOptions& options) {
                               [trained](const auto& w, const auto& camera, const auto& surface) {
                                 return trained->texture(w, camera, surface);
                               },
-                              static_cast<int>(trained->texnet->config().size), finest.name});
+                              static_cast<int>(trained->texnet->config().texture_size()), finest.name});
   }
   take_motion(subject, trained->subject.open_dataset());
   return subject;

@@ -219,6 +219,23 @@ TEST(TexNetReference, LitStartsAtTheStaticTextureUnderLight) {
   EXPECT_TRUE(torch::equal(net->named_buffers()["lighting"], lighting));
 }
 
+TEST(TexNetReference, DetailKeepsTheTexelsOfALargerStaticTexture) {
+  TexNetConfig config = lit_config();
+  config.detail = 4;
+  config.unet.head_scale = 0.0;
+  EXPECT_EQ(config.texture_size(), 128);
+  const Tensor texture = torch::rand({128, 128, 3}, seeded(2));
+  TexNet net(config, texture, identity_lighting());
+  Tensor input = random_channels(config, 2);
+  input.narrow(1, 6, 3).zero_();
+  input.select(1, 7).fill_(1.0);
+  EXPECT_LT(largest(net->forward(split(input), seeded(1)) - texture), 1e-6);
+  EXPECT_THAT(message_of([&] {
+                TexNet(config, torch::rand({32, 32, 3}), identity_lighting());
+              }),
+              HasSubstr("static_texture"));
+}
+
 TEST(TexNetAgrees, WithItselfInEvaluationWhateverTheBatchAndGenerator) {
   const TexNetConfig config = small_config();
   TexNet net(config);
@@ -357,6 +374,9 @@ TEST(TexNetConfigRejects, MistakesWithFileAndKey) {
   EXPECT_THAT(message("camera_center: absolute"), HasSubstr("camera_centre"));
   EXPECT_THAT(message("past_frames: -2"), HasSubstr("past_frames"));
   EXPECT_THAT(message("lit: true"), HasSubstr("residual: true"));
+  EXPECT_THAT(message("detail: 2"), HasSubstr("1 without `residual`"));
+  EXPECT_THAT(message("residual: true\ndetail: 3"), HasSubstr("power of two"));
+  EXPECT_THAT(message("residual: true\nsize: 1024\ndetail: 8"), HasSubstr("at most 4096"));
   TexNetConfig config;
   config.size = 300;
   config.past_frames = -1;

@@ -42,7 +42,7 @@ ViewSubject dressed_subject() {
     return actor->texture(w, camera, vertices);
   };
   subject.stages.push_back(
-      {"textured", past, fine, texture, static_cast<int>(actor->texnet->config().size), "deltanet"});
+      {"textured", past, fine, texture, static_cast<int>(actor->texnet->config().texture_size()), "deltanet"});
   return subject;
 }
 

@@ -60,16 +60,46 @@ Tensor residual_texture(const Tensor& residual, const Tensor& albedo, const Tens
   return op.call(residual, albedo, optional_of(normals), optional_of(lighting));
 }
 
-Tensor residual_texture_reference(const Tensor& residual, const Tensor& albedo, const Tensor& normals,
-                                  const Tensor& lighting) {
-  Tensor base = albedo;
-  if (lighting.defined()) {
-    torch::NoGradGuard no_grad;
-    base = albedo * sh_basis(normals.permute({0, 2, 3, 1})).matmul(lighting.t()).permute({0, 3, 1, 2});
-  }
-  const Tensor sum = base + at::tanh(residual);
+namespace {
+
+/// L(n) of residual_texture, [B,3,T,T].
+Tensor light_of(const Tensor& normals, const Tensor& lighting) {
+  const torch::NoGradGuard no_grad;
+  return sh_basis(normals.permute({0, 2, 3, 1})).matmul(lighting.t()).permute({0, 3, 1, 2});
+}
+
+/// Colours clamped to 0..1 with the gradient of the colours themselves. @param sum [B,3,T,T] @return [B,T,T,3]
+Tensor clamped(const Tensor& sum) {
   const Tensor texture = sum + (sum.clamp(0.0, 1.0) - sum).detach();
   return texture.permute({0, 2, 3, 1}).contiguous();
+}
+
+/// [B,C,T,T] enlarged to T' texels along a side, bilinearly.
+Tensor enlarged(const Tensor& maps, std::int64_t size) {
+  return at::upsample_bilinear2d(maps, {size, size}, /*align_corners=*/false);
+}
+
+/// U(L(n)), [B,3,T',T']
+Tensor enlarged_light(const Tensor& normals, const Tensor& lighting, std::int64_t size) {
+  const torch::NoGradGuard no_grad;
+  constexpr double kMinInside = 1e-3;  // of the four texels around one
+  const Tensor inside = (normals * normals).sum(1, true).gt(0.25).to(normals.scalar_type());
+  const Tensor light = light_of(normals, lighting) * inside;
+  return enlarged(light, size) / enlarged(inside, size).clamp_min(kMinInside);
+}
+
+}  // namespace
+
+Tensor residual_texture_reference(const Tensor& residual, const Tensor& albedo, const Tensor& normals,
+                                  const Tensor& lighting) {
+  const Tensor base = lighting.defined() ? albedo * light_of(normals, lighting) : albedo;
+  return clamped(base + at::tanh(residual));
+}
+
+Tensor detailed_texture(const Tensor& residual, const Tensor& albedo, const Tensor& normals, const Tensor& lighting) {
+  const std::int64_t size = albedo.size(-1);
+  const Tensor base = lighting.defined() ? albedo * enlarged_light(normals, lighting, size) : albedo;
+  return clamped(base + enlarged(at::tanh(residual), size));
 }
 
 }  // namespace doppel

@@ -18,5 +18,15 @@ torch::Tensor residual_texture(const torch::Tensor& residual, const torch::Tenso
 /// otherwise a texel outside the range would get no gradient.
 torch::Tensor residual_texture_reference(const torch::Tensor& residual, const torch::Tensor& albedo,
                                          const torch::Tensor& normals, const torch::Tensor& lighting);
+/// The same of a larger texture, whose details stay:
+///
+///   t = clamp(a * U(L(n)) + U(tanh(r)), 0, 1)
+///
+/// U enlarges T texels along a side to T', bilinearly. Only texels with a normal count in U(L(n)), so that the borders
+/// of the charts have the lighting of their inside. In plain tensor operations; differentiable as above, any dtype.
+/// @param residual [B,3,T,T] r @param albedo [1,3,T',T'] a @param normals [B,3,T,T] n @param lighting [3,9]
+/// @return [B,T',T',3]
+torch::Tensor detailed_texture(const torch::Tensor& residual, const torch::Tensor& albedo, const torch::Tensor& normals,
+                               const torch::Tensor& lighting);
 
 }  // namespace doppel

@@ -208,7 +208,7 @@ TEST(ActorFileAgrees, GeometryAndTextureOfAWholeActorInAllHosts) {
               {{"egnet", actor.egnet.get()}, {"deltanet", actor.deltanet.get()}, {"texnet", actor.texnet.get()}});
 
   const ActorFile file = ActorFile::load(path);
-  EXPECT_EQ(file.description().texture_size, 256);
+  EXPECT_EQ(file.description().texture_size, 512);
   const torch::Tensor window = 0.3 * torch::randn({2, 3, actor.character.num_dofs()});
   const torch::Tensor projection =
       torch::tensor({600.f, 0.f, 200.f, 900.f, 0.f, 600.f, 200.f, 500.f, 0.f, 0.f, 1.f, 2.5f})

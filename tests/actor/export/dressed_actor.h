@@ -6,7 +6,7 @@
 
 namespace doppel::support {
 
-/// An actor with all networks, untrained, TexNet at its smallest and under light.
+/// An actor with all networks, untrained, TexNet at its smallest, under light and with details.
 inline TrainedActor dressed_actor() {
   TrainedActor actor;
   actor.character = make_test_character();
@@ -19,7 +19,8 @@ inline TrainedActor dressed_actor() {
   config.levels = 4;
   config.unet.width = 0.1;
   config.residual = config.lit = config.surface_normals = true;
-  actor.static_texture = torch::full({1, 256, 256, 3}, 0.5);
+  config.detail = 2;
+  actor.static_texture = torch::full({1, 512, 512, 3}, 0.5);
   actor.lighting = Lighting(1, std::vector<int>{0});
   actor.texnet = make_tex_net(actor, config, at::detail::createCPUGenerator(3));
   actor.texture_space = std::make_shared<TextureSpace>(*actor.mesh, config.size);
@@ -39,7 +40,7 @@ inline ActorDescription description_of(const TrainedActor& actor) {
   description.past_frames = actor.past_frames();
   for (const Dof& dof : actor.character.skeleton.dofs) description.dof_names.push_back(dof.name);
   description.num_vertices = actor.character.num_vertices();
-  description.texture_size = actor.texnet->config().size;
+  description.texture_size = actor.texnet->config().texture_size();
   return description;
 }
 

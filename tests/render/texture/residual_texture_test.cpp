@@ -48,6 +48,43 @@ TEST(ResidualTextureReference, AddsToTheLitAlbedoWithinTheRange) {
   EXPECT_TRUE(test::is_near(residual_texture_reference(residual, albedo, up, lighting), expected, 1e-6));
 }
 
+TEST(DetailedTextureReference, OfTheSameSizeIsTheResidualTexture) {
+  const Maps m = random_maps(2, 16);
+  EXPECT_TRUE(test::is_near(detailed_texture(m.residual, m.albedo, m.normals, m.lighting),
+                            residual_texture_reference(m.residual, m.albedo, m.normals, m.lighting), 2e-6));
+  EXPECT_TRUE(test::is_near(detailed_texture(m.residual, m.albedo, {}, {}),
+                            residual_texture_reference(m.residual, m.albedo, {}, {}), 2e-6));
+}
+
+TEST(DetailedTextureReference, KeepsTheTexelsOfTheLargerTexture) {
+  const Tensor albedo = random_maps(1, 32).albedo * 0.2 + 0.3, residual = torch::full({2, 3, 8, 8}, 0.1);
+  const Tensor up = torch::tensor({0.0, 1.0, 0.0}).view({1, 3, 1, 1}).expand({2, 3, 8, 8});
+  Tensor lighting = identity_lighting();
+  lighting.select(1, 1).fill_(0.5);  // from above
+  const Tensor expected = (albedo * 1.5 + std::tanh(0.1)).permute({0, 2, 3, 1}).expand({2, 32, 32, 3});
+  EXPECT_TRUE(test::is_near(detailed_texture(residual, albedo, up, lighting), expected, 1e-6));
+}
+
+TEST(DetailedTextureReference, BordersOfChartsHaveTheLightOfTheirInside) {
+  const Tensor albedo = torch::full({1, 3, 32, 32}, 0.4), residual = torch::zeros({1, 3, 8, 8});
+  Tensor normals = torch::zeros({1, 3, 8, 8});
+  normals.narrow(3, 0, 4).select(1, 1).fill_(1.0);  // the chart is the left half
+  Tensor lighting = identity_lighting();
+  lighting.select(1, 1).fill_(0.5);
+  const Tensor chart = detailed_texture(residual, albedo, normals, lighting).narrow(2, 0, 16);
+  EXPECT_TRUE(test::is_near(chart, torch::full({1, 32, 16, 3}, 0.6), 1e-6));
+}
+
+TEST(DetailedTextureGradient, AgreesWithCentralDifferences) {
+  const Maps m = random_maps(1, 4);
+  const Tensor albedo = random_maps(1, 16).albedo.to(torch::kFloat64) * 0.2 + 0.3,
+               normals = m.normals.to(torch::kFloat64), lighting = identity_lighting().to(torch::kFloat64);
+  const auto texture = [&](const std::vector<Tensor>& in) {
+    return detailed_texture(in[0], albedo, normals, lighting);
+  };
+  EXPECT_TRUE(test::gradients_match(texture, {{"residual", m.residual.to(torch::kFloat64) * 0.02}}));
+}
+
 TEST(ResidualTextureRejects, MapsThatDoNotFit) {
   const Maps m = random_maps(2, 8);
   EXPECT_THROW(residual_texture(m.residual, m.albedo.narrow(2, 0, 4), m.normals, m.lighting), Error);
