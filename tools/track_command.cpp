@@ -108,8 +108,11 @@ Command add_track(CLI::App& program) {
   auto arguments = std::make_shared<MultiviewArguments>();
   add_multiview_options(*app, *arguments);
   const auto run = [arguments](const CommonOptions& common) { return run_multiview(*arguments, common); };
-  return {
-      app, run, true, {add_track_livecap(*app), add_track_deepcap(*app), add_track_points(*app), add_track_live(*app)}};
+  return {app,
+          run,
+          true,
+          {add_track_livecap(*app), add_track_deepcap(*app), add_track_points(*app), add_track_live(*app),
+           add_track_refine(*app)}};
 }
 
 }  // namespace doppel::tools

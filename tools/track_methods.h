@@ -70,6 +70,7 @@ int track_sequences(TrackArguments arguments, const CommonOptions& common, bool 
 Command add_track_livecap(CLI::App& track);
 Command add_track_deepcap(CLI::App& track);
 Command add_track_points(CLI::App& track);
+Command add_track_refine(CLI::App& track);
 Command add_track_live(CLI::App& track);
 
 }  // namespace doppel::tools

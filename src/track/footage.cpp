@@ -290,10 +290,10 @@ class CaptureFootage : public Footage {
   std::vector<FootageSequence> sequences_;
 };
 
-/// @param made_for says what a prepared folder does not allow to exchange
-Capture unprepared_capture(const fs::path& path, const std::string& made_for) {
+/// @param reason why a prepared folder will not do
+Capture unprepared_capture(const fs::path& path, const std::string& reason) {
   if (fs::is_directory(path / "store"))
-    fail<UsageError>("{} is a prepared folder, {}; give the capture itself", path.string(), made_for);
+    fail<UsageError>("{} is a prepared folder, {}; give the capture itself", path.string(), reason);
   return find_capture(path);
 }
 
@@ -320,6 +320,11 @@ std::unique_ptr<Footage> Footage::open(const fs::path& path, int outline_pixels,
     fail<UsageError>("{} is a prepared folder; a single camera of it cannot be chosen: give the capture itself",
                      path.string());
   return std::make_unique<PreparedFootage>(path, outline_pixels);
+}
+
+std::unique_ptr<Footage> Footage::open_unprepared(const fs::path& path, int outline_pixels, const std::string& reason) {
+  static_cast<void>(unprepared_capture(path, reason));
+  return open(path, outline_pixels);
 }
 
 std::unique_ptr<Footage> Footage::open_for(Character character, const fs::path& file, const fs::path& path,

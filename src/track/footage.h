@@ -60,7 +60,11 @@ class Footage {
   /// no keypoints
   static std::unique_ptr<Footage> open(const std::filesystem::path& capture_or_prepared, int outline_pixels,
                                        const std::string& camera = "");
-  /// As above, of a capture that is not prepared, for another character than the capture's. The landmarks are the
+  /// As above, of a capture that is not prepared. @param reason why no other will do, for the message
+  /// @throws UsageError for a prepared capture
+  static std::unique_ptr<Footage> open_unprepared(const std::filesystem::path& capture, int outline_pixels,
+                                                  const std::string& reason);
+  /// As `open`, of a capture that is not prepared, for another character than the capture's. The landmarks are the
   /// character's markers; `capture()` names `file` as the character.
   /// @throws UsageError for a prepared capture
   static std::unique_ptr<Footage> open_for(Character character, const std::filesystem::path& file,

@@ -78,6 +78,7 @@ LivecapSummary summarise_livecap(const SequenceReport& report);
 
 struct TrackReport {
   std::string method;
+  std::filesystem::path character;  ///< `.character` file that the run wrote; empty: the motions are of the capture's
   std::map<std::string, std::int64_t> steps;                ///< of trained stages; empty without networks
   std::vector<std::pair<std::string, double>> shared_dofs;  ///< names and values of the DoFs fitted for all frames
   std::vector<std::pair<std::string, double>> bone_scales;  ///< factors of the character's bones; empty: not fitted

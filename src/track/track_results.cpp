@@ -19,8 +19,10 @@ namespace {
 constexpr char kReport[] = "track.json", kSections[] = "curves.json";
 
 /// The capture with the tracked motions instead of its own.
-Capture tracked_capture(const Footage& footage, const fs::path& out, const std::vector<FootageSequence>& tracked) {
+Capture tracked_capture(const Footage& footage, const fs::path& out, const std::vector<FootageSequence>& tracked,
+                        const fs::path& character = {}) {
   Capture capture = footage.capture();
+  if (!character.empty()) capture.character = fs::absolute(character).lexically_normal().string();
   for (SequenceEntry& entry : capture.sequences)
     for (const FootageSequence& sequence : tracked) {
       if (sequence.name != entry.name) continue;
@@ -68,7 +70,7 @@ void write_results(const Footage& footage, const TrackTask& task, const TrackRep
   if (task.shard) return write_sections(out, report);
   std::vector<FootageSequence> tracked;
   for (const SequenceReport& sequence : report.sequences) tracked.push_back(sequence.tracked.sequence);
-  write_capture(out / "capture.yaml", tracked_capture(footage, out, tracked));
+  write_capture(out / "capture.yaml", tracked_capture(footage, out, tracked, report.character));
   write_atomically(out / "track.html", track_curves(out, report));
 }
 

@@ -113,7 +113,7 @@ TrainSummary Trainer::run() {
     tensorboard_ = std::make_unique<TensorBoardWriter>(run_.path(), step_);
     if (options_.keep_start && saved_step_ < 0) save_checkpoint();
   }
-  train();
+  summary.step_seconds = train();
   summary.reason =
       step_ >= options_.iterations ? StopReason::finished : reason_to_stop().value_or(StopReason::interrupted);
   if (writes()) finish_files(summary.reason);
@@ -123,14 +123,18 @@ TrainSummary Trainer::run() {
   return summary;
 }
 
-void Trainer::train() {
+double Trainer::train() {
   std::optional<Progress> progress;
   if (writes()) progress.emplace(stage_.name(), options_.iterations, step_);
-  while (step_ < options_.iterations && !reason_to_stop()) {
+  double first_end = 0.0;
+  std::int64_t steps = 0;
+  for (; step_ < options_.iterations && !reason_to_stop(); ++steps) {
     const double loss = step();
     log_and_save();
+    if (steps == 0) first_end = seconds();
     if (progress) progress->advance(1, fmt::format("loss {:.4g}", loss));
   }
+  return steps > 1 ? (seconds() - first_end) / static_cast<double>(steps - 1) : 0.0;
 }
 
 /// What is due after a step.

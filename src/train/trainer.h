@@ -49,6 +49,7 @@ struct TrainSummary {
   std::int64_t step = 0;        ///< steps done, over all sessions
   std::int64_t resumed_at = 0;  ///< steps done before this session; 0: it began the run
   double seconds = 0.0;         ///< training time, over all sessions
+  double step_seconds = 0.0;    ///< mean time of the steps of this session behind its first, which prepares; 0: none
   double loss = 0.0;            ///< weighted loss in the last line of metrics; 0 when there is no line yet
 };
 
@@ -77,7 +78,8 @@ class Trainer {
   void resume();
   std::optional<std::pair<std::int64_t, Checkpoint>> find_checkpoint();
   void join_ranks();
-  void train();
+  /// @return TrainSummary::step_seconds
+  double train();
   void log_and_save();
   void finish_files(StopReason reason);
   std::optional<StopReason> reason_to_stop() const;

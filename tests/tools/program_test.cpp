@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <regex>
+#include <set>
 #include <sstream>
 
 #include "doppel/core/atomic_file.h"
@@ -36,10 +37,10 @@ Outcome start(const std::string& arguments) {
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(out), read_file(err)};
 }
 
-const std::vector<std::string> kCommands{"make",          "synth",         "calibrate",    "capture",   "character",
-                                         "prepare",       "doctor",        "train",        "evaluate",  "merge",
-                                         "compare",       "animate",       "export",       "info",      "track",
-                                         "track livecap", "track deepcap", "track points", "track live"};
+const std::vector<std::string> kCommands{
+    "make",  "synth",         "calibrate",     "capture",      "character",  "prepare",     "doctor",
+    "train", "evaluate",      "merge",         "compare",      "animate",    "export",      "info",
+    "track", "track livecap", "track deepcap", "track points", "track live", "track refine"};
 
 TEST(ProgramReference, ExitCodesAndStreamsAreThoseOfTheCommands) {
   EXPECT_EQ(start("--version").out, run("--version").out);
@@ -191,7 +192,7 @@ TEST(ProgramReference, HelpOfTrackingHasTheOptionsOfTheMethodAlone) {
                                                   {"--place-landmarks", "track"},  {"--no-film", "track deepcap"},
                                                   {"--source", "track live"},      {"--send", "track live"},
                                                   {"--empty-frames", "track live"}};
-  for (const char* method : {"track", "track livecap", "track deepcap", "track points", "track live"}) {
+  for (const char* method : {"track", "track livecap", "track deepcap", "track points", "track live", "track refine"}) {
     const std::string help = run(std::string(method) + " --help").out;
     for (const auto& [option, owner] : owners)
       EXPECT_EQ(
@@ -199,7 +200,8 @@ TEST(ProgramReference, HelpOfTrackingHasTheOptionsOfTheMethodAlone) {
           owner == method)
           << option << " in the help of " << method << ":\n"
           << help;
-    EXPECT_EQ(help.find("--shard") != std::string::npos, method != std::string("track live")) << method;
+    const std::set<std::string> whole{"track live", "track refine"};  // they do not divide into shards
+    EXPECT_EQ(help.find("--shard") == std::string::npos, whole.count(method) > 0) << method;
   }
 }
 

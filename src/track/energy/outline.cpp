@@ -7,6 +7,7 @@
 #include <opencv2/core.hpp>
 
 #include "doppel/core/as_size.h"
+#include "doppel/render/mesh/face_tensor.h"
 #include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/outline/boundary.h"
 #include "doppel/render/projection.h"
@@ -21,17 +22,7 @@ void thin_out(std::vector<OutlineVertex>& vertices, std::size_t first, int most)
   vertices.resize(first + wanted);
 }
 
-namespace {
-
-torch::Tensor surface_tensor(const std::vector<Eigen::Vector3d>& vertices) {
-  torch::Tensor surface = torch::empty({1, static_cast<std::int64_t>(vertices.size()), 3});
-  float* out = surface.data_ptr<float>();
-  for (const Eigen::Vector3d& vertex : vertices)
-    for (const double x : vertex) *out++ = static_cast<float>(x);
-  return surface;
-}
-
-}  // namespace
+namespace {}  // namespace
 
 struct OutlineFinder::State {
   torch::Tensor faces;  ///< int32 [F,3]
@@ -66,7 +57,7 @@ std::vector<OutlineVertex> OutlineFinder::find(const FrameEvidence& frame,
   std::vector<OutlineVertex> result;
   if (windows.cameras.empty()) return result;
   const torch::Tensor flags =
-      boundary_vertices(surface_tensor(vertices), windows.projection(), state_->faces, state_->pixels, state_->pixels)
+      boundary_vertices(vertex_tensor(vertices), windows.projection(), state_->faces, state_->pixels, state_->pixels)
           .contiguous();
   const bool* flag = flags.data_ptr<bool>();
   for (const int camera : windows.seeing) {
@@ -84,7 +75,7 @@ double OutlineFinder::overlap(const FrameEvidence& frame, const std::vector<Eige
   if (windows.cameras.empty()) return 0.0;
   const torch::Tensor drawn =
       Rasterizer(state_->faces)
-          .coverage_projected(surface_tensor(vertices), windows.projection(), state_->pixels, state_->pixels)
+          .coverage_projected(vertex_tensor(vertices), windows.projection(), state_->pixels, state_->pixels)
           .contiguous();
   const cv::Mat all(static_cast<int>(windows.cameras.size()) * state_->pixels, state_->pixels, CV_8UC1,
                     drawn.data_ptr<std::uint8_t>());

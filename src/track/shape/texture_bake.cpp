@@ -11,6 +11,7 @@
 #include "doppel/core/tensor/image_tensor.h"
 #include "doppel/geometry/decompositions.h"
 #include "doppel/geometry/topology.h"
+#include "doppel/render/mesh/face_tensor.h"
 #include "doppel/render/projection.h"
 
 namespace doppel {
@@ -18,19 +19,14 @@ namespace {
 
 using torch::Tensor;
 
-constexpr double kPower = 6.0;            // of the cosine in the weight of a view
-constexpr float kDepthTolerance = 0.02F;  // metres that a texel may lie behind the surface of its pixel
-constexpr int kBorder = 2;                // pixels around outlines that do not count
-constexpr float kSolidWeight = 0.02F;     // weight from which a texel counts as fully seen
-constexpr int kGainStride = 2;            // texels: every second row and column decides the gains
-
-Tensor surface_of(const std::vector<Eigen::Vector3d>& points) {
-  Tensor tensor = torch::empty({1, static_cast<std::int64_t>(points.size()), 3});
-  float* out = tensor.data_ptr<float>();
-  for (const Eigen::Vector3d& p : points)
-    for (int k = 0; k < 3; ++k) *out++ = static_cast<float>(p[k]);
-  return tensor;
-}
+constexpr double kPower = 6.0;              // of the cosine in the weight of a view
+constexpr float kDepthTolerance = 0.02F;    // metres that a texel may lie behind the surface of its pixel
+constexpr int kBorder = 2;                  // pixels around outlines that do not count
+constexpr float kSolidWeight = 0.02F;       // weight from which a texel counts as fully seen
+constexpr double kDetailPower = 16.0;       // of the sharpness in the weight of a view's details
+constexpr double kUsualSharpness = 500.0;   // pixels per metre; keeps powers of sharpness in the range of float
+constexpr double kDetailBlur = 6.0 / 1024;  // of the texture's side: wavelengths below about six times this are details
+constexpr int kGainStride = 2;              // texels: every second row and column decides the gains
 
 /// [1,3,T,T] as an image of three channels, which owns its pixels.
 cv::Mat image_of_map(const Tensor& map) { return image_view(map[0].permute({1, 2, 0}).contiguous()).clone(); }
@@ -51,14 +47,15 @@ cv::Mat nearest_depth(Rasterizer& rasterizer, const Tensor& surface, const Pinho
 
 /// Where the texels lie in the image of a camera.
 struct TexelViews {
-  cv::Mat u, v;    ///< CV_32F pixels, for cv::remap
-  cv::Mat weight;  ///< CV_32F, 0 where the texel is hidden or faces away
+  cv::Mat u, v;       ///< CV_32F pixels, for cv::remap
+  cv::Mat weight;     ///< CV_32F, 0 where the texel is hidden or faces away
+  cv::Mat sharpness;  ///< CV_32F, pixels that a metre of the surface takes, foreshortened, over kUsualSharpness
 };
 
 TexelViews look_at(const cv::Mat& positions, const cv::Mat& normals, const cv::Mat& inside, const cv::Mat& nearest,
                    const PinholeCamera& camera) {
   TexelViews views{cv::Mat(positions.size(), CV_32F, cv::Scalar(-1)), cv::Mat(positions.size(), CV_32F, cv::Scalar(-1)),
-                   cv::Mat(positions.size(), CV_32F, cv::Scalar(0))};
+                   cv::Mat(positions.size(), CV_32F, cv::Scalar(0)), cv::Mat(positions.size(), CV_32F, cv::Scalar(0))};
   const Eigen::Vector3d centre = camera.centre();
   for (int y = 0; y < positions.rows; ++y)
     for (int x = 0; x < positions.cols; ++x) {
@@ -75,6 +72,7 @@ TexelViews look_at(const cv::Mat& positions, const cv::Mat& normals, const cv::M
       views.u.at<float>(y, x) = static_cast<float>(pixel.x() - 0.5);
       views.v.at<float>(y, x) = static_cast<float>(pixel.y() - 0.5);
       views.weight.at<float>(y, x) = static_cast<float>(std::pow(facing, kPower));
+      views.sharpness.at<float>(y, x) = static_cast<float>(facing * camera.K(1, 1) / (local.z() * kUsualSharpness));
     }
   return views;
 }
@@ -134,15 +132,39 @@ Eigen::MatrixXd harmonic(const MeshTopology& topology, const Eigen::MatrixXd& su
   return Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(matrix).solve(right);
 }
 
+/// Each channel times `weight`.
+cv::Mat weighted(const cv::Mat& colour, const cv::Mat& weight) {
+  cv::Mat weights;
+  cv::merge(std::vector<cv::Mat>(3, weight), weights);
+  return colour.mul(weights);
+}
+
+/// The blurred texels; those without weight do not count.
+cv::Mat low_frequencies(const cv::Mat& colour, const cv::Mat& weight) {
+  cv::Mat seen, sum, share;
+  cv::Mat(weight > 0).convertTo(seen, CV_32F, 1.0 / 255.0);
+  const double blur = kDetailBlur * colour.cols;
+  cv::GaussianBlur(weighted(colour, seen), sum, {}, blur);
+  cv::GaussianBlur(seen, share, {}, blur);
+  return weighted(sum, 1.0 / cv::max(share, 1e-6F));
+}
+
 }  // namespace
 
+void TextureBake::Sum::add(const cv::Mat& added, const cv::Mat& added_weight) {
+  colour += weighted(added, added_weight);
+  weight += added_weight;
+}
+
+cv::Mat TextureBake::Sum::mean() const { return weighted(colour, 1.0 / cv::max(weight, 1e-12F)); }
+
 TextureBake::TextureBake(const TriangleMesh& mesh, int size)
-    : mesh_(mesh), space_(mesh, size), rasterizer_(RenderMesh(mesh).faces) {}
+    : mesh_(mesh), space_(mesh, size), rasterizer_(RenderMesh(mesh).faces), detail_(size) {}
 
 void TextureBake::add(const std::vector<Eigen::Vector3d>& vertices, const PinholeCamera& camera, int number,
                       const cv::Mat& image, const cv::Mat& mask) {
   const torch::NoGradGuard no_grad;
-  const Tensor surface = surface_of(vertices);
+  const Tensor surface = vertex_tensor(vertices);
   const cv::Mat inside(space_.size(), space_.size(), CV_8U, space_.mask().data_ptr<bool>());
   TexelViews views = look_at(image_of_map(space_.positions(surface)), image_of_map(space_.normals(surface)), inside,
                              nearest_depth(rasterizer_, surface, camera), camera);
@@ -153,15 +175,14 @@ void TextureBake::add(const std::vector<Eigen::Vector3d>& vertices, const Pinhol
     views.weight.setTo(0, shown == 0);
   }
   cv::Mat colour;
-  cv::remap(image, colour, views.u, views.v, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  cv::remap(image, colour, views.u, views.v, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
   colour.convertTo(colour, CV_32FC3);
-  const cv::Size size(space_.size(), space_.size());
-  Sum& sum =
-      cameras_.try_emplace(number, Sum{cv::Mat::zeros(size, CV_32FC3), cv::Mat::zeros(size, CV_32F)}).first->second;
-  cv::Mat weights;
-  cv::merge(std::vector<cv::Mat>(3, views.weight), weights);
-  sum.colour += colour.mul(weights);
-  sum.weight += views.weight;
+  const cv::Mat low = low_frequencies(colour, views.weight);
+  cameras_.try_emplace(number, Sum(space_.size())).first->second.add(low, views.weight);
+  cv::Mat sharpest;
+  cv::pow(views.sharpness, kDetailPower, sharpest);
+  sharpest.setTo(0, views.weight == 0);
+  detail_.add(colour - low, sharpest);
 }
 
 cv::Mat TextureBake::seen_weight() const {
@@ -221,6 +242,7 @@ cv::Mat TextureBake::texture() const {
   cv::merge(std::vector<cv::Mat>(3, cv::max(weight, 1e-6F)), weights);
   cv::divide(corrected_sum(gains()), weights, colour);
   const cv::Mat behind = spread_colours(colour, weight);
+  colour += detail_.mean();
   cv::Mat result(colour.size(), CV_8UC3);
   for (int y = 0; y < colour.rows; ++y)
     for (int x = 0; x < colour.cols; ++x) {

@@ -17,7 +17,9 @@ namespace doppel {
 /// A texel takes the mean of the images in which its point of the surface is visible, weighted by the sixth power of
 /// the cosine between the normal and the direction to the camera: the views that face the surface decide, and the
 /// weights fall smoothly to 0 where another view takes over. Points nearer than two pixels to the outline of a nearer
-/// part, or to the mask's, do not count. Each camera gets one gain for each colour channel, so that they agree where
+/// part, or to the mask's, do not count. That is for the low frequencies of an image. The high ones, which a mean of
+/// views that do not quite agree would remove, are taken from the sharpest views: nearly only those that face the
+/// surface most, from nearest by. Each camera gets one gain for each colour channel, so that they agree where
 /// they see the same texels. Texels that no camera sees get colours that vary smoothly over the surface between those
 /// that are seen.
 class TextureBake {
@@ -43,6 +45,9 @@ class TextureBake {
   struct Sum {
     cv::Mat colour;  ///< CV_32FC3, weighted sum, BGR 0..255
     cv::Mat weight;  ///< CV_32F
+    explicit Sum(int size) : colour(cv::Mat::zeros(size, size, CV_32FC3)), weight(cv::Mat::zeros(size, size, CV_32F)) {}
+    void add(const cv::Mat& colour, const cv::Mat& weight);
+    cv::Mat mean() const;
   };
   cv::Mat seen_weight() const;
   cv::Mat corrected_sum(const std::map<int, cv::Vec3d>& gains) const;
@@ -51,7 +56,8 @@ class TextureBake {
   const TriangleMesh& mesh_;
   TextureSpace space_;
   Rasterizer rasterizer_;
-  std::map<int, Sum> cameras_;
+  std::map<int, Sum> cameras_;  ///< of the low frequencies
+  Sum detail_;                  ///< of the high frequencies, of all cameras
 };
 
 }  // namespace doppel
