@@ -70,18 +70,22 @@ Json results_in(const fs::path& path) {
 ProgressChain expected_time(const std::vector<PlannedStep>& plan, std::size_t step,
                             const std::map<std::string, double>& spent) {
   constexpr double kMinExpected = 20.0;  // seconds: shorter steps tell nothing about the machine
-  double expected = 0.0, taken = 0.0;
+  double expected = 0.0, taken = 0.0, elapsed = 0.0;
+  for (const auto& [name, seconds] : spent) elapsed += seconds;
   for (std::size_t i = 0; i < step; ++i)
     if (const auto found = spent.find(plan[i].name); found != spent.end()) {
       expected += plan[i].seconds;
       taken += found->second;
     }
   const double slower = expected >= kMinExpected ? std::clamp(taken / expected, 0.25, 8.0) : 1.0;
-  const auto seconds_of = [&](const PlannedStep& s) { return s.limited ? s.seconds : slower * s.seconds; };
+  const auto seconds_of = [&](const PlannedStep& s, double begin) {
+    return s.end > 0.0 ? std::max(s.seconds, s.end - begin) : slower * s.seconds;
+  };
   ProgressChain chain;
   chain.position = fmt::format("[{}/{}]", step + 1, plan.size());
-  chain.step_seconds = seconds_of(plan[step]);
-  for (std::size_t i = step + 1; i < plan.size(); ++i) chain.later_seconds += seconds_of(plan[i]);
+  chain.step_seconds = seconds_of(plan[step], elapsed);
+  for (std::size_t i = step + 1; i < plan.size(); ++i)
+    chain.later_seconds += seconds_of(plan[i], elapsed + chain.step_seconds + chain.later_seconds);
   return chain;
 }
 

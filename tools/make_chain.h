@@ -15,7 +15,9 @@ namespace doppel::tools {
 struct PlannedStep {
   std::string name;
   double seconds = 0.0;  ///< a guess, which the time of the steps before corrects
-  bool limited = false;  ///< the user has set the time, so nothing corrects it
+  /// Of a step that fills the time up to here, seconds from the beginning of the chain; it takes at least `seconds`,
+  /// which nothing corrects then. 0: it does not.
+  double end = 0.0;
 };
 
 /// The position of a step in the chain, and the time that it and the later ones are expected to take.

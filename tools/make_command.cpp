@@ -32,6 +32,13 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
+// Of the minutes: training ends where evaluation, export and film begin, and takes at least a quarter.
+constexpr double kTrainingEnd = 0.9, kMinTraining = 0.25;
+// Of the recipe, where the poses are tracked. They are some pixels off, and outlines of few cameras do not show where
+// clothes slide: they would pull the surface along itself, and TexNet's finer texels would blur what then disagrees
+// (docs/results/filmed.md).
+constexpr std::array kFilmSettings{"egnet.loss.anchor=1e7", "egnet.loss.arap=1500", "texnet.model.size=256",
+                                   "texnet.model.detail=4"};
 constexpr char kMakeExample[] =
     "Examples:\n"
     "  doppel make recordings/anna --out anna\n"
@@ -40,7 +47,7 @@ constexpr char kMakeExample[] =
     "FOLDER holds a video of each camera and a calibration of any known format (docs/calibration.md), and perhaps a "
     "capture.yaml,\nkeypoints, masks, images of the empty scene or a character. Stopped or killed, the same "
     "command goes on.";
-const std::vector<std::string> kSteps{"describe", "detect",  "doctor", "split",    "fit",    "track",
+const std::vector<std::string> kSteps{"describe", "detect",  "doctor", "split",    "fit",    "track",  "refine",
                                       "prepare",  "measure", "train",  "evaluate", "export", "animate"};
 
 struct MakeArguments {
@@ -80,11 +87,10 @@ std::vector<PlannedStep> plan_of(const FootageSize& size, double minutes) {
                                 {"split", 1.0},
                                 {"fit", 120.0},
                                 {"track", 0.05 * frames * static_cast<double>(size.cameras)},
+                                {"refine", 60.0 + 0.2 * images},
                                 {"prepare", 0.02 * images},
                                 {"measure", 60.0}};
-  double before = 0.0;
-  for (const PlannedStep& step : plan) before += step.seconds;
-  plan.push_back({"train", std::max(0.25 * minutes * 60.0, 0.9 * minutes * 60.0 - before), true});
+  plan.push_back({"train", kMinTraining * minutes * 60.0, kTrainingEnd * minutes * 60.0});
   plan.push_back({"evaluate", 60.0});
   plan.push_back({"export", 15.0});
   plan.push_back({"animate", 60.0});
@@ -112,12 +118,13 @@ class Make {
   /// @return whether all steps were run
   bool run() {
     using Step = void (Make::*)();
-    const std::array<std::pair<const char*, Step>, 12> steps{{{"describe", &Make::describe},
+    const std::array<std::pair<const char*, Step>, 13> steps{{{"describe", &Make::describe},
                                                               {"detect", &Make::detect},
                                                               {"doctor", &Make::examine},
                                                               {"split", &Make::split},
                                                               {"fit", &Make::find_body},
                                                               {"track", &Make::track},
+                                                              {"refine", &Make::refine},
                                                               {"prepare", &Make::prepare},
                                                               {"measure", &Make::measure_speed},
                                                               {"train", &Make::train},
@@ -222,8 +229,9 @@ class Make {
     if (faults.count("moved_camera") + faults.count("focal_length") > 0) {
       std::vector<std::string> words{"calibrate", "refine", mended, "--out", out("refined.yml")};
       if (faults.count("focal_length") > 0) words.push_back("--focal");
-      step("refine", words);
-      step("refined", {"capture", "amend", mended, "--calibration", out("refined.yml"), "--out", out("refined.yaml")});
+      step("calibrate", words);
+      step("calibrated",
+           {"capture", "amend", mended, "--calibration", out("refined.yml"), "--out", out("refined.yaml")});
       mended = out("refined.yaml");
     }
     if (mended == capture_) return found;
@@ -247,14 +255,13 @@ class Make {
   void find_body() {
     if (!find_capture(capture_).character.empty()) return chain_->skip("fit", "the folder has a character");
     if (arguments_.scan.empty()) {
-      step("fit", {"character", "fit", capture_, "--out", out("character")});
-      track_config_ = out("character/track.yaml");
-      capture_ = out("character/capture.yaml");
+      step("fit", {"character", "fit", capture_, "--out", out("body")});
+      track_config_ = out("body/track.yaml");
+      capture_ = out("body/capture.yaml");
       return;
     }
-    step("fit", {"character", "create", arguments_.scan, "--out", out("character")});
-    step("body",
-         {"capture", "amend", capture_, "--character", out("character/actor.character"), "--out", out("body.yaml")});
+    step("fit", {"character", "create", arguments_.scan, "--out", out("body")});
+    step("body", {"capture", "amend", capture_, "--character", out("body/actor.character"), "--out", out("body.yaml")});
     capture_ = out("body.yaml");
     place_landmarks_ = true;
   }
@@ -269,6 +276,17 @@ class Make {
     if (place_landmarks_) words.push_back("--place-landmarks");
     step("track", words);
     capture_ = out("tracked");
+    tracked_ = true;
+  }
+
+  void refine() {
+    if (!tracked_) return chain_->skip("refine", "the motion of the folder stays as it is");
+    if (load_character(find_capture(capture_).character_path()).mesh.uvs.empty())
+      return chain_->skip("refine", "the character has no texture coordinates");
+    std::vector<std::string> words{"track", "refine", capture_, "--out", out("refined")};
+    if (!track_config_.empty()) words.insert(words.end(), {"--config", track_config_});
+    step("refine", words);
+    capture_ = out("refined");
   }
 
   void prepare() {
@@ -280,6 +298,8 @@ class Make {
   std::vector<std::string> training(const std::string& folder, const std::vector<std::string>& settings) const {
     std::vector<std::string> words{"train", out("recipe.yaml"), "--set", "capture=" + out("prepared")};
     for (const std::string& setting : settings) words.insert(words.end(), {"--set", setting});
+    if (tracked_)
+      for (const char* setting : kFilmSettings) words.insert(words.end(), {"--set", setting});
     words.insert(words.end(), {"--out", out(folder)});
     return words;
   }
@@ -295,13 +315,12 @@ class Make {
     words.push_back("--overwrite");
     const Json measured = step("measure", words);
     for (const auto& [stage, summary] : measured.at("stages").items())
-      seconds_per_step_[stage] = summary.at("seconds").get<double>() / kTried;
+      seconds_per_step_[stage] = summary.at("step_seconds").get<double>();
   }
 
   void train() {
-    // Evaluation, export and film take about a tenth.
-    const double budget =
-        std::max(0.9 * 60.0 * arguments_.minutes - chain_->seconds(), 0.25 * 60.0 * arguments_.minutes);
+    const double budget = std::max(kTrainingEnd * 60.0 * arguments_.minutes - chain_->seconds(),
+                                   kMinTraining * 60.0 * arguments_.minutes);
     step("train", training("run", fit_recipe(seconds_per_step_, size_of(find_capture(capture_)).train_frames, budget)));
   }
 
@@ -337,15 +356,15 @@ class Make {
                      out("animation")});
     fs::copy_file(arguments_.out / "animation" / "animation.glb", arguments_.out / "actor.glb",
                   fs::copy_options::overwrite_existing);
-    const Capture capture = find_capture(capture_);
-    // A character of the user may lie beside other files.
-    if (!fs::exists(arguments_.out / "character"))
-      write_character(arguments_.out / "character", load_character(capture.character_path()));
+    // A character of the user may lie in this very folder.
+    const fs::path character = find_capture(capture_).character_path(), folder = arguments_.out / "character";
+    if (!fs::exists(folder) || !fs::equivalent(folder, character.parent_path()))
+      write_character(folder, load_character(character));
   }
 
   MakeArguments arguments_;
   const CommonOptions& common_;
-  bool described_ = false, place_landmarks_ = false;
+  bool described_ = false, place_landmarks_ = false, tracked_ = false;
   std::string capture_, track_config_;
   FootageSize size_;
   std::optional<MakeChain> chain_;

@@ -70,7 +70,7 @@ void write_make_report(const fs::path& out, const std::string& title, const Json
   }
   add_evaluation(cards, out / "evaluation.json");
   std::string body = html_cards(cards) + links(out);
-  body += image_of(out / "character" / "fit.jpg", "The body that was fitted to the videos");
+  body += image_of(out / "body" / "fit.jpg", "The body that was fitted to the videos");
   std::vector<fs::path> sheets;
   if (fs::is_directory(out / "tracked"))
     for (const auto& entry : fs::directory_iterator(out / "tracked"))

@@ -46,11 +46,9 @@ const char* word_for(StopReason reason) {
 }
 
 nlohmann::ordered_json to_json(const TrainSummary& summary) {
-  return {{"reason", word_for(summary.reason)},
-          {"step", summary.step},
-          {"resumed_at", summary.resumed_at},
-          {"seconds", summary.seconds},
-          {"loss", summary.loss}};
+  return {{"reason", word_for(summary.reason)},   {"step", summary.step},
+          {"resumed_at", summary.resumed_at},     {"seconds", summary.seconds},
+          {"step_seconds", summary.step_seconds}, {"loss", summary.loss}};
 }
 
 void print_summaries(const std::vector<StageSummary>& summaries, const fs::path& out, bool single, bool json) {

@@ -51,14 +51,16 @@ TEST(MakeChainReference, CommandLinesAreQuotedAsShellsNeedIt) {
 }
 
 TEST(ExpectedTime, FollowsTheSpeedOfTheStepsBefore) {
-  const std::vector<PlannedStep> plan{{"a", 1.0}, {"b", 100.0}, {"skipped", 50.0}, {"c", 10.0}, {"d", 600.0, true}};
+  const std::vector<PlannedStep> plan{{"a", 1.0}, {"b", 100.0}, {"skipped", 50.0}, {"c", 10.0}, {"d", 60.0, 1000.0}};
   const ProgressChain first = expected_time(plan, 1, {{"a", 0.1}});
   EXPECT_EQ(first.position, "[2/5]");
   EXPECT_DOUBLE_EQ(first.step_seconds, 100.0) << "a step of a second tells nothing";
-  EXPECT_DOUBLE_EQ(first.later_seconds, 660.0);
+  EXPECT_DOUBLE_EQ(first.later_seconds, 60.0 + (1000.0 - 0.1 - 100.0 - 60.0)) << "the last step fills the time";
   const ProgressChain later = expected_time(plan, 3, {{"a", 2.0}, {"b", 200.0}});
   EXPECT_DOUBLE_EQ(later.step_seconds, 20.0);
-  EXPECT_DOUBLE_EQ(later.later_seconds, 600.0) << "the user has set this time";
+  EXPECT_DOUBLE_EQ(later.later_seconds, 1000.0 - 202.0 - 20.0);
+  const ProgressChain late = expected_time(plan, 4, {{"b", 990.0}});
+  EXPECT_DOUBLE_EQ(late.step_seconds, 60.0) << "its least time";
 }
 
 }  // namespace

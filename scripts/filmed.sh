@@ -1,0 +1,82 @@
+#!/usr/bin/env bash
+# The figures of docs/results/filmed.md: an actor of a filmed person, judged in a camera that nothing was made from. For
+# each camera in turn, the body is fitted, tracked, refined and trained without this camera and without the last quarter
+# of the frames; the networks are evaluated on these frames, in this camera and in the others.
+#   scripts/filmed.sh RECORDING CAMERAS [FOLDER]     default: the folder filmed; resumes after an interruption
+# RECORDING holds videos and a calibration; CAMERAS are the names of its cameras, separated by commas. LEFT_OUT="5 13"
+# leaves out these cameras alone. SHARE=1 (the default) of the recipe's steps are made. SEEDS=1 (the default here).
+set -euo pipefail
+cd "$(dirname "$0")/.."
+[ $# -ge 2 ] || { sed -n '2,8s/^# //p' "$0" >&2; exit 2; }
+recording="$1" cameras="$2" folder="${3:-filmed}"
+export SEEDS="${SEEDS:-1}"
+source scripts/figures.sh
+unset OMP_NUM_THREADS
+mkdir -p "$folder"
+read -ra all <<<"${cameras//,/ }"
+read -ra left_out <<<"${LEFT_OUT:-${all[*]}}"
+
+# once FILE COMMAND ...: runs a command of doppel that writes FILE, unless FILE is there; messages go to FOLDER/filmed.log
+once() {
+  [ -e "$folder/$1" ] && return
+  echo "doppel ${*:2:2} ... ($1)" >&2
+  "$doppel" "${@:2}" >/dev/null 2>>"$folder/filmed.log" ||
+    { echo "$* failed:" && tail -3 "$folder/filmed.log"; return 1; } >&2
+}
+# without CAMERA: the names of the other cameras
+without() { printf '%s\n' "${all[@]}" | grep -vx -- "$1" | paste -sd,; }
+
+once described.yaml capture init "$recording" --out "$folder/described.yaml"
+once detected/capture.yaml detect "$folder/described.yaml" --masks --out "$folder/detected"
+
+# actor CAMERA: everything without this camera
+actor() {
+  local out="$folder/$1" here="$1" others options seed
+  others="$(without "$1")"
+  mkdir -p "$out"
+  once "$here/split.yaml" capture amend "$folder/detected" --cameras "$others" --hold-out --validation-share 0 \
+    --test-share 0.25 --out "$out/split.yaml"
+  once "$here/fit/capture.yaml" character fit "$out/split.yaml" --out "$out/fit"
+  once "$here/tracked/capture.yaml" track "$out/fit/capture.yaml" --config "$out/fit/track.yaml" --out "$out/tracked"
+  once "$here/refined/capture.yaml" track refine "$out/tracked" --config "$out/fit/track.yaml" --out "$out/refined"
+  local from
+  for from in tracked refined; do
+    once "$here/$from.yaml" capture amend "$out/$from" --cameras "$cameras" --out "$out/$from.yaml"
+    once "$here/$from-prepared/capture.yaml" prepare "$out/$from.yaml" --mask-size 700 --image-size 512 \
+      --out "$out/$from-prepared"
+  done
+  for seed in "${seeds[@]}"; do
+    as_options seed="$seed" capture="$out/refined-prepared" {egnet,lighting,deltanet,texnet}.data.cameras="[$others]" \
+      egnet.train.iterations="$(steps 4000)" lighting.train.iterations="$(steps 300)" \
+      deltanet.train.iterations="$(steps 700)" texnet.train.iterations="$(steps 2500)" \
+      egnet.loss.anchor=1e7 egnet.loss.arap=1500 texnet.model.size=256 texnet.model.detail=4
+    train "$here/run-$seed" configs/small/ddc.yaml "${options[@]}"
+    evaluate "$here/run-$seed" "$here.new-$seed" --split test --every 4 --cameras "$here"
+    evaluate "$here/run-$seed" "$here.trained-$seed" --split test --every 4 --cameras "$others"
+  done
+  [ -f "$out.before.json" ] || "$doppel" evaluate --capture "$out/tracked-prepared" --split test --every 4 \
+    --cameras "$here" --json >"$out.before.json"
+}
+for camera in "${left_out[@]}"; do actor "$camera"; done
+
+list="[$(IFS=,; echo "${left_out[*]}")]"
+{
+  echo "| test frames | left-out camera | training cameras |"
+  echo "|---|---:|---:|"
+  echo "| AMVIoU, skinning before the refinement | {$list.before.json skinning AMVIoU 4} | |"
+  for method in skinning egnet deltanet; do
+    echo "| AMVIoU, \`$method\` | {$list.new-@.json $method AMVIoU 4} | {$list.trained-@.json $method AMVIoU 4} |"
+  done
+  for method in static lit texnet; do
+    for figure in "PSNR 2" "SSIM 4" "sharpness 3"; do
+      read -r key digits <<<"$figure"
+      echo "| $key, \`$method\` | {$list.new-@.json $method $key $digits} | {$list.trained-@.json $method $key $digits} |"
+    done
+  done
+  echo
+  echo "| left-out camera | keypoints of the training frames, px: tracked | refined |"
+  echo "|---|---:|---:|"
+  for camera in "${left_out[@]}"; do
+    echo "| $camera | {$camera/tracked/track.json keypoint_error_px 2} | {$camera/refined/track.json keypoint_error_px 2} |"
+  done
+} | write_table filmed "scripts/filmed.sh RECORDING $cameras"
