@@ -40,7 +40,7 @@ struct Pass {
 };
 
 Pass coarse_pass(double window) {
-  const int radius = std::max(1, static_cast<int>(window + 0.5));
+  const int radius = std::max(1, static_cast<int>(std::lround(window)));
   return {radius, radius, radius, window, 1.5 * window, 0.5f};
 }
 
@@ -137,7 +137,7 @@ class Outline {
   Outline(const cv::Mat& image, const cv::Mat& probability, const StaticBackground& background, double cell)
       : probability_(probability),
         mask_(probability >= kPerson),
-        undecided_(band_around(mask_, static_cast<int>(kReach * cell + 0.5))),
+        undecided_(band_around(mask_, static_cast<int>(std::lround(kReach * cell)))),
         unsure_((probability >= kUnsure) & (probability < kSure)),
         known_(background.known),
         image_(with_ones(image)) {
