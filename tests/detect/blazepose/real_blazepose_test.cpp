@@ -70,24 +70,24 @@ void fill_with_sines(std::span<float> input, int side, double scale, double offs
             static_cast<float>(scale * (0.5 + 0.5 * std::sin(0.05 * x * (c + 1) + 0.083 * y + 0.7 * c)) + offset);
 }
 
-/// The tolerances are two to three times what TensorFlow Lite and an independent float32 implementation differ by: the
-/// order of a sum, and with it the rounding, depends on the instruction set.
+/// The tolerances are those that TensorFlow Lite and an independent float32 implementation reach; twice that for
+/// landmarks, heat maps, joints and scores, whose sums are rounded in another order by each instruction set.
 class RealBlazePoseNetworks : public RealBlazePose {
  protected:
   void check_landmarks(Network& network, const std::string& prefix) const {
     network.run();
     EXPECT_LT(largest_difference(network.output(0), vector_of(prefix + "_landmarks")), 1e-2) << prefix;
-    EXPECT_LT(largest_difference(network.output(1), vector_of(prefix + "_presence")), 1e-4) << prefix;
-    EXPECT_LT(largest_probability_difference(network.output(2), vector_of(prefix + "_segmentation_logits")), 5e-3)
+    EXPECT_LT(largest_difference(network.output(1), vector_of(prefix + "_presence")), 3e-5) << prefix;
+    EXPECT_LT(largest_probability_difference(network.output(2), vector_of(prefix + "_segmentation_logits")), 2e-3)
         << prefix;
-    EXPECT_LT(largest_difference(network.output(3), vector_of(prefix + "_heatmap_logits")), 3e-3) << prefix;
-    EXPECT_LT(largest_difference(network.output(4), vector_of(prefix + "_world")), 1e-4) << prefix;
+    EXPECT_LT(largest_difference(network.output(3), vector_of(prefix + "_heatmap_logits")), 2e-3) << prefix;
+    EXPECT_LT(largest_difference(network.output(4), vector_of(prefix + "_world")), 6e-5) << prefix;
   }
 
   void check_detector(Network& network, const std::string& prefix) const {
     network.run();
-    EXPECT_LT(largest_difference(network.output(0), vector_of(prefix + "_boxes")), 5e-3) << prefix;
-    EXPECT_LT(largest_difference(network.output(1), vector_of(prefix + "_scores")), 2e-3) << prefix;
+    EXPECT_LT(largest_difference(network.output(0), vector_of(prefix + "_boxes")), 2e-3) << prefix;
+    EXPECT_LT(largest_difference(network.output(1), vector_of(prefix + "_scores")), 1.2e-3) << prefix;
   }
 };
 
