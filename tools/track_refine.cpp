@@ -37,7 +37,8 @@ Command add_track_refine(CLI::App& track) {
   add_sequences_option(*app, *arguments);
   add_config_options(*app, *arguments);
   RefineOptions& options = arguments->options;
-  app->add_option("--frames", options.frames, "Frames of the training sequences that teach texture and surface")
+  app->add_option("--frames", options.frames,
+                  "Frames of the training sequences from which texture and template are learnt")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app->add_option("--rounds", options.rounds, "Rounds of poses, surface and texture in these frames (0: none)")

@@ -15,13 +15,6 @@
 
 namespace doppel {
 
-void thin_out(std::vector<OutlineVertex>& vertices, std::size_t first, int most) {
-  const std::size_t count = vertices.size() - first, wanted = as_size(most);
-  if (vertices.size() <= first || count <= wanted) return;
-  for (std::size_t i = 0; i < wanted; ++i) vertices[first + i] = vertices[first + i * count / wanted];
-  vertices.resize(first + wanted);
-}
-
 namespace {}  // namespace
 
 struct OutlineFinder::State {

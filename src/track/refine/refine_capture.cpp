@@ -44,28 +44,29 @@ void require_images(const Footage& footage, const FootageFrame& seen, const std:
            footage.cameras()[c].name);
 }
 
-/// A frame that teaches texture and surface.
-struct Lesson {
-  int sequence = 0;
-  long frame = 0;
+/// A frame from which texture and template are learnt.
+struct TrainingFrame {
+  int sequence = 0;  ///< index in `Footage::sequences`
+  long row = 0;      ///< of the motion
   std::vector<double> dofs;
 };
 
 /// About `count` frames, spread evenly over the sequences together, at least one of each.
-std::vector<Lesson> choose_lessons(const Footage& footage, const std::vector<FootageSequence>& sequences, int count) {
-  std::vector<Lesson> lessons;
+std::vector<TrainingFrame> choose_frames(const Footage& footage, const std::vector<FootageSequence>& sequences,
+                                         int count) {
+  std::vector<TrainingFrame> frames;
   const double total = static_cast<double>(count_frames(sequences));
   for (const FootageSequence& sequence : sequences) {
     const Motion motion = motion_of(footage, sequence);
     const int own = std::max(1, static_cast<int>(std::lround(count * sequence.num_frames() / total)));
     for (const long frame : spread_frames(sequence, own))
-      lessons.push_back({sequence.index, frame, motion.frames[frame]});
+      frames.push_back({sequence.index, frame, motion.frames[frame]});
   }
-  return lessons;
+  return frames;
 }
 
-/// Step 1: texture and template, from the lessons. Advances by one for each lesson and round, and for each lesson of
-/// the first texture.
+/// Step 1: texture and template. Advances by one for each training frame and round, and for each frame of the first
+/// texture.
 class CharacterRefiner {
  public:
   CharacterRefiner(const Footage& footage, const std::vector<FootageSequence>& sequences, const RefineOptions& options,
@@ -74,7 +75,7 @@ class CharacterRefiner {
         options_(options),
         progress_(progress),
         character_(footage.character()),
-        lessons_(choose_lessons(footage, sequences, options.frames)) {
+        frames_(choose_frames(footage, sequences, options.frames)) {
     if (character_.mesh.uvs.empty())
       fail(
           "the character {} has no texture coordinates, which the refinement needs; `doppel character create` makes "
@@ -90,33 +91,33 @@ class CharacterRefiner {
 
  private:
   template <typename Use>
-  void each_lesson(const Use& use) {
+  void each_frame(const Use& use) {
     std::unique_ptr<FootageReader> reader;
-    for (std::size_t i = 0; i < lessons_.size(); ++i) {
-      Lesson& lesson = lessons_[i];
-      const FootageSequence& sequence = footage_.sequences()[lesson.sequence];
-      check_not_stopped(sequence, lesson.frame);
-      if (i == 0 || lesson.sequence != lessons_[i - 1].sequence) reader = footage_.read(lesson.sequence);
-      const FootageFrame seen = reader->read(lesson.frame, true);
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      TrainingFrame& frame = frames_[i];
+      const FootageSequence& sequence = footage_.sequences()[frame.sequence];
+      check_not_stopped(sequence, frame.row);
+      if (i == 0 || frame.sequence != frames_[i - 1].sequence) reader = footage_.read(frame.sequence);
+      const FootageFrame seen = reader->read(frame.row, true);
       require_images(footage_, seen, sequence.name);
-      use(lesson, seen);
+      use(frame, seen);
     }
   }
 
   void first_texture() {
     TextureBake bake(character_.mesh, options_.texture_size);
     const PoseModel model(character_, footage_.landmarks(), {});
-    std::vector<Lesson> found;
-    each_lesson([&](const Lesson& lesson, const FootageFrame& seen) {
+    std::vector<TrainingFrame> found;
+    each_frame([&](const TrainingFrame& frame, const FootageFrame& seen) {
       progress_.advance(1, "first texture");
-      if (!judge_pose(model, footage_.cameras(), seen.evidence, lesson.dofs, options_.config.fit).found()) return;
-      const auto surface = posed_vertices(model, model.pose(lesson.dofs, false));
+      if (!judge_pose(model, footage_.cameras(), seen.evidence, frame.dofs, options_.config.fit).found()) return;
+      const auto surface = posed_vertices(model, model.pose(frame.dofs, false));
       for (std::size_t c = 0; c < seen.images.size(); ++c)
         bake.add(surface, footage_.cameras()[c], static_cast<int>(c), seen.images[c], seen.masks[c]);
-      found.push_back(lesson);
+      found.push_back(frame);
     });
     if (found.empty()) fail("no pose of the training frames explains its keypoints; is this their motion?");
-    lessons_ = std::move(found);
+    frames_ = std::move(found);
     character_.mesh.texture = bake.texture();
   }
 
@@ -125,18 +126,17 @@ class CharacterRefiner {
     TextureBake bake(character_.mesh, options_.texture_size);
     SurfaceOffset offset(character_.mesh);
     std::vector<double> distances, overlaps;
-    each_lesson([&](Lesson& lesson, const FootageFrame& seen) {
-      overlaps.push_back(refiner.overlap(seen, lesson.dofs));
-      const auto drawn = posed_vertices(refiner.model(), refiner.model().pose(lesson.dofs, false));
-      const FrameFlow flow = refiner.flow(seen, lesson.dofs);
+    each_frame([&](TrainingFrame& frame, const FootageFrame& seen) {
+      overlaps.push_back(refiner.overlap(seen, frame.dofs));
+      const FrameFlow flow = refiner.flow(seen, frame.dofs);
       for (std::size_t c = 0; c < seen.images.size(); ++c) {
         const AlignedFilm aligned = align_film(flow.views[c], seen.images[c]);
-        bake.add(drawn, footage_.cameras()[c], static_cast<int>(c), aligned.image, aligned.mask);
+        bake.add(flow.vertices, footage_.cameras()[c], static_cast<int>(c), aligned.image, aligned.mask);
       }
       if (flow.distance) distances.push_back(*flow.distance);
-      const TrackedFrame fitted = refiner.fit(seen, flow.matches, lesson.dofs);
-      if (fitted.found()) lesson.dofs = fitted.dofs;
-      refiner.add_to(offset, seen, flow.matches, lesson.dofs);
+      const TrackedFrame fitted = refiner.fit(seen, flow.matches, frame.dofs);
+      if (fitted.found()) frame.dofs = fitted.dofs;
+      refiner.add_to(offset, seen, flow.matches, frame.dofs);
       progress_.advance(1, fmt::format("round {}", round + 1));
     });
     if (distances.empty())
@@ -144,7 +144,7 @@ class CharacterRefiner {
     log::info("refinement, round {}: texture {:.2f} pixels off, IoU {:.4f}", round + 1, mean_of(distances),
               mean_of(overlaps));
     character_.mesh.texture = bake.texture();
-    const auto count = static_cast<double>(lessons_.size());
+    const auto count = static_cast<double>(frames_.size());
     const auto offsets = offset.solve(options_.smoothness * count, kStay * count);
     for (std::size_t v = 0; v < offsets.size(); ++v) character_.mesh.vertices[v] += offsets[v];
   }
@@ -153,7 +153,7 @@ class CharacterRefiner {
   const RefineOptions& options_;
   Progress& progress_;
   Character character_;
-  std::vector<Lesson> lessons_;
+  std::vector<TrainingFrame> frames_;
 };
 
 /// Step 2: moves each pose of a motion to its matches. A pose that then explains too few keypoints stays as it was.
@@ -199,7 +199,7 @@ class RefineFrames : public FrameTracker {
   long row_ = 0;
 };
 
-/// Those that teach, whichever sequences the task names.
+/// Those from which texture and template are learnt, whichever sequences the task names.
 std::vector<FootageSequence> training_sequences(const Footage& footage, const RefineOptions& options) {
   TrackTask all;
   all.limit_frames = options.limit_frames;
@@ -218,7 +218,8 @@ TrackReport refine_capture(const Footage& footage, const RefineOptions& options)
   open_out_folder(footage, options.out);
   const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
   const std::vector<FootageSequence> training = training_sequences(footage, options);
-  for (const FootageSequence& sequence : chosen) static_cast<void>(motion_of(footage, sequence));
+  std::vector<Motion> motions;
+  for (const FootageSequence& sequence : chosen) motions.push_back(motion_of(footage, sequence));
   warn_without_masks(chosen);
   Progress progress("refine", count_frames(chosen) + (1 + options.rounds) * static_cast<long>(options.frames));
   const Character refined = CharacterRefiner(footage, training, options, progress).refine();
@@ -227,10 +228,9 @@ TrackReport refine_capture(const Footage& footage, const RefineOptions& options)
   report.character = write_character_folder(options.out / "character", refined.name,
                                             [&](const fs::path& folder) { write_character(folder, refined); });
   RefineFrames tracker(footage, refined, options);
-  for (const FootageSequence& sequence : chosen) {
-    if (is_stopped(report)) break;
-    const Motion motion = motion_of(footage, sequence);
-    tracker.start(motion, sequence.first_frame);
+  for (std::size_t i = 0; i < chosen.size() && !is_stopped(report); ++i) {
+    const FootageSequence& sequence = chosen[i];
+    tracker.start(motions[i], sequence.first_frame);
     SequenceRunner runner(
         footage, tracker,
         {options.sheet_frames, options.out / (sequence.name + ".jpg"), options.config.fit.outline_pixels});

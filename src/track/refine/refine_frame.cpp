@@ -37,8 +37,9 @@ FrameRefiner::FrameRefiner(const Character& character, const std::vector<Marker>
       finder_(weights.flow_width) {}
 
 FrameFlow FrameRefiner::flow(const FootageFrame& seen, const std::vector<double>& dofs) {
-  const auto vertices = posed_vertices(model_, model_.pose(dofs, false));
   FrameFlow result;
+  result.vertices = posed_vertices(model_, model_.pose(dofs, false));
+  const std::vector<Eigen::Vector3d>& vertices = result.vertices;
   result.views.resize(cameras_.size());
   double sum = 0.0, weight = 0.0;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
@@ -63,8 +64,8 @@ TrackedFrame FrameRefiner::fit(const FootageFrame& seen, const std::vector<Surfa
   const MultiviewOptions& options = config_.fit;
   const auto outline = outlines_.find(seen.evidence, posed_vertices(model_, model_.pose(start, false)));
   auto terms = image_terms<PoseModel>(cameras_, seen.evidence, outline, options);
-  terms.push_back(std::make_unique<MatchTerm<PoseModel>>(cameras_, matches, weights_.matches,
-                                                         RobustKernel::geman_mcclure_of(weights_.scale)));
+  terms.push_back(
+      std::make_unique<MatchTerm>(cameras_, matches, weights_.matches, RobustKernel::geman_mcclure_of(weights_.scale)));
   if (options.limit_weight > 0.0) terms.push_back(std::make_unique<LimitTerm>(options.limit_weight));
   if (options.steady_weight > 0.0) terms.push_back(std::make_unique<PriorTerm>("steady", start, options.steady_weight));
   std::vector<double> dofs = start;
@@ -86,15 +87,11 @@ void FrameRefiner::add_to(SurfaceOffset& offset, const FootageFrame& seen, const
   const auto vertices = posed_vertices(model_, body);
   const double share = 1.0 / static_cast<double>(cameras_.size());
   for (const SurfaceMatch& match : matches) {
-    const PinholeCamera& camera = cameras_[match.camera];
-    const auto projected = project_with_jacobian(camera, vertices[match.vertex]);
-    if (!projected) continue;
-    const Eigen::Matrix2d scaled = reference_pixels(camera) * match.sureness;
-    const Eigen::Vector2d error = scaled * (projected->pixel - match.pixel);
-    const Eigen::Matrix<double, 2, 3> gradient =
-        scaled * projected->jacobian * model_.movement(body, match.vertex).linear();
-    const double weight = share * kernel_weight(error.squaredNorm(), weights_.scale);
-    for (int k = 0; k < 2; ++k) offset.add(match.vertex, gradient.row(k).transpose(), error[k], weight);
+    const auto residual = match_residual(match, cameras_[match.camera], vertices[match.vertex]);
+    if (!residual) continue;
+    const Eigen::Matrix<double, 2, 3> gradient = residual->jacobian * model_.movement(body, match.vertex).linear();
+    const double weight = share * kernel_weight(residual->value.squaredNorm(), weights_.scale);
+    for (int k = 0; k < 2; ++k) offset.add(match.vertex, gradient.row(k).transpose(), residual->value[k], weight);
   }
   for (const OutlineVertex& outline : outlines_.find(seen.evidence, vertices)) {
     const OutlineField& field = seen.evidence[outline.camera].outline;

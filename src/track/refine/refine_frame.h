@@ -23,12 +23,13 @@ struct RefineWeights {
 
 /// What the texture says about one frame.
 struct FrameFlow {
-  std::vector<SurfaceFlow> views;     ///< [C]; empty where there is no image
-  std::vector<SurfaceMatch> matches;  ///< of all cameras
-  std::optional<double> distance;     ///< mean length of the flow by sureness, reference pixels; empty without matches
+  std::vector<Eigen::Vector3d> vertices;  ///< [N] world metres, as drawn
+  std::vector<SurfaceFlow> views;         ///< [C]; empty where there is no image
+  std::vector<SurfaceMatch> matches;      ///< of all cameras
+  std::optional<double> distance;  ///< mean length of the flow by sureness, reference pixels; empty without matches
 };
 
-/// The state of a pose: tracked or lost, by its inliers.
+/// A pose and its inliers, by which it is tracked or lost.
 TrackedFrame judge_pose(const PoseModel& model, const std::vector<PinholeCamera>& cameras, const FrameEvidence& seen,
                         std::vector<double> dofs, const PoseFitOptions& options);
 

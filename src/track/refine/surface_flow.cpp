@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/core/as_size.h"
+#include "doppel/track/energy/outline.h"
 
 namespace doppel {
 namespace {
@@ -151,10 +151,7 @@ std::vector<SurfaceMatch> surface_matches(const SurfaceFlow& flow, const DrawnSu
     matches.push_back({number, static_cast<int>(v), pixel + Eigen::Vector2d(moved[0], moved[1]),
                        sureness_of(flow.structure.at<cv::Vec3f>(at))});
   }
-  const std::size_t count = matches.size();
-  if (count <= as_size(most)) return matches;
-  for (std::size_t i = 0; i < as_size(most); ++i) matches[i] = matches[i * count / as_size(most)];
-  matches.resize(as_size(most));
+  thin_out(matches, 0, most);
   return matches;
 }
 

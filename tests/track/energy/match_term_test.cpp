@@ -25,7 +25,7 @@ class MatchTermTest : public ::testing::Test {
 
   Residuals rows_at(const std::vector<double>& dofs) const {
     Residuals rows;
-    MatchTerm<PoseModel>(cameras_, matches_, 6.0, kernel_).evaluate(model_, model_.pose(dofs, true), true, rows);
+    MatchTerm(cameras_, matches_, 6.0, kernel_).evaluate(model_, model_.pose(dofs, true), true, rows);
     return rows;
   }
 
@@ -47,12 +47,11 @@ TEST_F(MatchTermTest, CountsSurePixelsOfAnImage1024Wide) {
 }
 
 TEST_F(MatchTermTest, JacobiansAreCentralDifferences) {
-  MatchTerm<PoseModel> term(cameras_, matches_, 2.0, kernel_);
+  MatchTerm term(cameras_, matches_, 2.0, kernel_);
   const std::vector<double> bent = bent_pose(character_, 0.1);
   support::check_term(term, model_, bent, 1e-5);
   support::check_energy_gradient(term, model_, bent);
-  support::check_weight([&](double weight) { return MatchTerm<PoseModel>(cameras_, matches_, weight, kernel_); },
-                        model_, bent);
+  support::check_weight([&](double weight) { return MatchTerm(cameras_, matches_, weight, kernel_); }, model_, bent);
 }
 
 TEST_F(MatchTermTest, AVertexBehindACameraIsFarFromItsMatch) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "doppel/track/energy/evidence.h"
@@ -16,11 +17,18 @@ struct SurfaceMatch {
   Eigen::Matrix2d sureness = Eigen::Matrix2d::Identity();
 };
 
-/// Pulls vertices to the pixels where their texture is seen: the residual is S (pi_c(v) - u) in reference pixels (image
-/// 1024 wide), with the sureness S of the match. It stands for the photometric term of 4.6 in several cameras. A vertex
-/// behind a camera has the residual kBehindCamera.
-template <typename Model>
-class MatchTerm : public Term<Model> {
+/// The residual of a match, S (pi_c(v) - u) in reference pixels (image 1024 wide), with the sureness S of the match.
+struct MatchResidual {
+  Eigen::Vector2d value;
+  Eigen::Matrix<double, 2, 3> jacobian;  ///< d value / d position of the vertex
+};
+/// @param vertex world metres @return nothing for a vertex behind the camera
+std::optional<MatchResidual> match_residual(const SurfaceMatch& match, const PinholeCamera& camera,
+                                            const Eigen::Vector3d& vertex);
+
+/// Pulls vertices to the pixels where their texture is seen, by match_residual. The term stands for the photometric
+/// term of 4.6 in several cameras. A vertex behind a camera has the residual kBehindCamera.
+class MatchTerm : public PoseTerm {
  public:
   /// @param cameras [C]; must outlive the term @param weight of each match, per squared reference pixel
   /// @param kernel in reference pixels
@@ -28,8 +36,7 @@ class MatchTerm : public Term<Model> {
             const RobustKernel& kernel);
 
   std::string name() const override { return "matches"; }
-  void evaluate(const Model& model, const typename Model::State& body, bool jacobian,
-                typename Model::Rows& rows) const override;
+  void evaluate(const PoseModel& model, const PosedBody& body, bool jacobian, Rows& rows) const override;
 
  private:
   const std::vector<PinholeCamera>& cameras_;
