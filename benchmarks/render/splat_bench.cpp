@@ -1,0 +1,106 @@
+// Gaussian splats of a capsule of the size of a person: kernel against plain tensor operations of a small scene, then
+// forward and backward of three scenes against the arithmetic that they need.
+//   splat_bench [threads=1]
+
+#include <ATen/Parallel.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
+
+#include <cmath>
+#include <cstdlib>
+
+#include "doppel/core/process.h"
+#include "doppel/render/splats/splats.h"
+#include "support/ratio.h"
+
+namespace {
+
+using namespace doppel;
+using namespace doppel::bench;
+using torch::Tensor;
+
+constexpr double kLength = 1.75, kRadius = 0.25;  // metres
+
+/// Points uniform on a capsule along y, with their unit normals. @return two tensors [n,3]
+std::pair<Tensor, Tensor> capsule(std::int64_t n, at::Generator generator) {
+  const double straight = kLength - 2 * kRadius, side = 2 * M_PI * kRadius * straight,
+               caps = 4 * M_PI * kRadius * kRadius;
+  const Tensor on_side = torch::rand({n}, generator) < side / (side + caps);
+  const Tensor phi = torch::rand({n}, generator) * (2 * M_PI), z = torch::rand({n}, generator) * 2 - 1;
+  const Tensor up = torch::where(on_side, torch::zeros_like(z), z), flat = (1 - up * up).sqrt();
+  const Tensor normal = torch::stack({flat * phi.cos(), up, flat * phi.sin()}, 1);
+  const Tensor shift = torch::where(on_side, z, z.sign()) * (straight / 2);
+  return {normal * kRadius + torch::stack({torch::zeros_like(z), shift, torch::zeros_like(z)}, 1), normal};
+}
+
+/// Quaternions w x y z that turn the z axis to the normals.
+Tensor towards(const Tensor& normals) {
+  const Tensor x = normals.select(1, 0), y = normals.select(1, 1), z = normals.select(1, 2);
+  return torch::stack({1.0 + z.clamp_min(-0.999), -y, x, torch::zeros_like(x)}, 1);
+}
+
+Splats scene(std::int64_t n) {
+  auto generator = at::detail::createCPUGenerator(1);
+  const auto [points, normals] = capsule(n, generator);
+  const Tensor tangent = torch::rand({n, 2}, generator) * 0.003 + 0.003;
+  Splats s;
+  s.positions = points.unsqueeze(0).contiguous();
+  s.rotations = towards(normals).unsqueeze(0).contiguous();
+  s.log_scales = torch::cat({tangent, torch::full({n, 1}, 0.001)}, 1).log().unsqueeze(0).contiguous();
+  s.opacities = torch::full({1, n}, std::log(0.9 / 0.1));
+  s.harmonics = (torch::rand({1, n, 1, 3}, generator) - 0.5) / 0.28209479177387814;
+  for (Tensor* t : {&s.positions, &s.rotations, &s.log_scales, &s.opacities, &s.harmonics})
+    *t = t->to(torch::kFloat32).requires_grad_();
+  return s;
+}
+
+/// 3.5 m away; the body fills 80 % of the height.
+Tensor camera(std::int64_t size) {
+  const double f = 1.6 * static_cast<double>(size), c = static_cast<double>(size) / 2;
+  return torch::tensor({f, 0.0, c, 3.5 * c, 0.0, -f, c, 3.5 * c, 0.0, 0.0, 1.0, 3.5}, torch::kFloat32)
+      .view({1, 1, 3, 4});
+}
+
+/// The mean of squares of the image, and its gradient to all parameters.
+struct Step {
+  const Splats& splats;
+  Tensor projection;
+  std::int64_t size;
+  SplatOptions options;
+
+  void forward() const {
+    const torch::NoGradGuard no_gradient;
+    draw_splats(splats, projection, size, size, options);
+  }
+  void operator()() const {
+    const Tensor colour = draw_splats(splats, projection, size, size, options).colour;
+    torch::autograd::grad(
+        {colour}, {splats.positions, splats.rotations, splats.log_scales, splats.opacities, splats.harmonics},
+        {colour.detach() * (2.0 / static_cast<double>(colour.numel()))});
+  }
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  doppel::setup_process();
+  const int threads = argc > 1 ? std::atoi(argv[1]) : 1;
+  at::set_num_threads(threads);
+  std::printf("%d threads\n", threads);
+  {
+    const Splats small = scene(2000);
+    SplatOptions plain;
+    plain.use_reference = true;
+    const Step reference{small, camera(64), 64, plain}, kernel{small, camera(64), 64, {}};
+    compare("2,000 Gaussians, 64 x 64, forward and backward",
+            {{"plain tensor operations", reference}, {"kernel", kernel}}, {1, 5, 2.0});
+  }
+  for (const auto& [count, size] : {std::pair{40000, 512}, {40000, 1024}, {120000, 1024}}) {
+    const Splats splats = scene(count);
+    const Step step{splats, camera(size), size, {}};
+    compare(std::to_string(count) + " Gaussians, " + std::to_string(size) + " x " + std::to_string(size),
+            {{"forward", [&] { step.forward(); }}, {"forward + backward", step}}, {5, 41, 2.0});
+  }
+  return 0;
+}

@@ -1,0 +1,99 @@
+#pragma once
+
+#include <cstdint>
+
+#include "doppel/core/cpu_dispatch.h"
+
+namespace doppel::kernels {
+
+constexpr int kSplatTileWidth = 64, kSplatTileHeight = 64;
+constexpr int kMaxHarmonics = 16;
+
+/// The camera of one view.
+struct SplatCamera {
+  double matrix[12];  ///< [3,4] pixels from world metres, scaled so that the last row gives metres
+  float centre[3];    ///< world
+  int width, height;
+  float z_near;
+  int harmonics;  ///< S
+};
+
+/// N Gaussians, as in `Splats`, of one batch item.
+struct SplatArrays {
+  const float *positions, *rotations, *log_scales, *opacities, *harmonics;
+  const float* normals;  ///< null: none
+};
+/// Gradients are added to these; null: not wanted.
+struct SplatGradients {
+  float *positions, *rotations, *log_scales, *opacities, *harmonics;
+};
+
+/// A Gaussian on the screen. Its exponent at the pixel offset (dx, dy) from the centre is, in powers of two,
+/// log_opacity - (a dx + b dy)^2 - (c dy)^2.
+struct SplatRecord {
+  std::int32_t pixel_x, pixel_y;  ///< the pixel of the centre
+  float x, y;                     ///< the centre within it, 0 to 1
+  float a, b, c, log_opacity;
+  float colour[3], depth;
+  std::int16_t x0, x1, y0, y1;  ///< pixels where alpha may reach 1/255, both ends included
+  std::int32_t index;           ///< of the Gaussian
+  float inverse_a;
+};
+static_assert(sizeof(SplatRecord) == 64, "one cache line");
+
+constexpr std::uint32_t kHiddenSplat = 0xffffffffu;
+/// Records of the Gaussians [begin,end), and keys that sort them by distance; kHiddenSplat: not in the image.
+DOPPEL_DECLARE_KERNEL(void, project_splats,
+                      (const SplatArrays& splats, const SplatCamera& camera, std::int64_t begin, std::int64_t end,
+                       SplatRecord* records, std::uint32_t* keys))
+
+/// A Gaussian of a tile: its record, and where its gradient from this tile goes.
+struct SplatPair {
+  std::int32_t record, slot;
+};
+/// The Gaussians of a tile, nearest first, and the tile's part of the image.
+struct SplatTile {
+  const SplatRecord* records;
+  const SplatPair* pairs;
+  std::int64_t count;
+  int x0, y0, x1, y1;  ///< pixels of the image; x1, y1 excluded
+  std::int64_t width;  ///< of the image
+};
+/// Whole images [H,W,3], [H,W] and [H,W]; `depth` may be null.
+struct SplatPlanes {
+  float *colour, *alpha, *depth;
+};
+struct ConstSplatPlanes {
+  const float *colour, *alpha, *depth;
+};
+/// Memory of one thread; no content is kept between calls.
+struct alignas(64) SplatScratch {
+  static constexpr int kStride = kSplatTileWidth + 8;  ///< rows end with room for a vector
+  float planes[8][kSplatTileHeight * kStride];
+  struct Run {
+    std::int32_t at, record;  ///< first pixel in the planes
+    float s, exponent, r;     ///< a dx + b dy at the first pixel; log_opacity - r^2; c dy
+  };
+  Run runs[1024 + kSplatTileHeight * (kSplatTileWidth / 8 + 1)];
+};
+DOPPEL_DECLARE_KERNEL(void, draw_splat_tile, (const SplatTile& tile, const SplatPlanes& image, SplatScratch& scratch))
+
+/// What a Gaussian gets from one tile. g is the gradient to the natural exponent; s = a dx + b dy, r = c dy.
+struct SplatSums {
+  float g, gs, gr, gss, gsr, grr;
+  float colour[3], depth;
+  float unused[6];
+};
+/// Writes sums[slot] for each pair of the tile. @param image as drawn @param upstream gradient to it; `alpha` and
+/// `depth` may be null
+DOPPEL_DECLARE_KERNEL(void, draw_splat_tile_backward,
+                      (const SplatTile& tile, const ConstSplatPlanes& image, const ConstSplatPlanes& upstream,
+                       SplatScratch& scratch, SplatSums* sums))
+
+/// Adds the gradients of the records [begin,end). @param first [M+1] the slots of record k are first[k] to first[k+1]
+DOPPEL_DECLARE_KERNEL(void, project_splats_backward,
+                      (const SplatArrays& splats, const SplatCamera& camera, const SplatRecord* records,
+                       const std::int32_t* first, const SplatSums* sums, std::int64_t begin, std::int64_t end,
+                       const SplatGradients& out))
+
+}  // namespace doppel::kernels

@@ -1,0 +1,437 @@
+#include "doppel/core/exponential.h"
+#include "doppel/render/splats/splat_kernel.h"
+#include "doppel/render/splats/splat_lanes.h"
+
+namespace doppel::kernels::DOPPEL_ISA {
+namespace {
+
+constexpr float kBlur = 0.3f;           // square pixels
+constexpr float kLn2 = 0.693147181f;
+constexpr float kHalfLog2e = 0.721347520f;
+constexpr float kLog2Of255 = 7.99435344f;
+constexpr float kBeyond = 1048576.0f;   // pixels
+constexpr float kOutside = 0.15f;       // of the image, where J stays that of the limit
+
+/// Eight Gaussians and what the projection makes of them.
+struct Projected {
+  Float8 offset[3];         ///< position - centre of the camera
+  Float8 quaternion[4];     ///< as given
+  Float8 length;            ///< of it
+  Float8 rotation[3][3];
+  Float8 scale[3];
+  Float8 axes[3][3];        ///< rotation * diag(scale)
+  Float8 depth;
+  Double8 u, v;
+  Int8 free_u, free_v;      ///< the centre is within the limits of J
+  Float8 jacobian[2][3];
+  Float8 along[2][3];       ///< jacobian * axes
+  Float8 a11, a12, a22, determinant;
+  Float8 opacity, hidden_part;  ///< and 1 - opacity
+};
+
+inline Float8 dot3(const Float8* a, const Float8* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+/// Component d of the rows index[lane] of a matrix with `columns` columns.
+inline Float8 column(const float* rows, const std::int32_t* index, int columns, int d) {
+  Float8 v;
+  for (int i = 0; i < kEight; ++i) v[i] = rows[static_cast<std::int64_t>(index[i]) * columns + d];
+  return v;
+}
+
+inline Float8 exp8(Float8 x) {
+  const Float8 e = exp_of_negative<Float8, Int8>(x > 0.0f ? -x : x);
+  return x > 0.0f ? 1.0f / e : e;
+}
+
+inline void find_axes(const SplatArrays& in, const std::int32_t* index, Projected& p) {
+  for (int d = 0; d < 4; ++d) p.quaternion[d] = column(in.rotations, index, 4, d);
+  const Float8* q = p.quaternion;
+  p.length = sqrt8(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  const Float8 w = q[0] / p.length, x = q[1] / p.length, y = q[2] / p.length, z = q[3] / p.length;
+  p.rotation[0][0] = 1.0f - 2.0f * (y * y + z * z);
+  p.rotation[0][1] = 2.0f * (x * y - w * z);
+  p.rotation[0][2] = 2.0f * (x * z + w * y);
+  p.rotation[1][0] = 2.0f * (x * y + w * z);
+  p.rotation[1][1] = 1.0f - 2.0f * (x * x + z * z);
+  p.rotation[1][2] = 2.0f * (y * z - w * x);
+  p.rotation[2][0] = 2.0f * (x * z - w * y);
+  p.rotation[2][1] = 2.0f * (y * z + w * x);
+  p.rotation[2][2] = 1.0f - 2.0f * (x * x + y * y);
+  for (int k = 0; k < 3; ++k) {
+    p.scale[k] = exp8(column(in.log_scales, index, 3, k));
+    for (int i = 0; i < 3; ++i) p.axes[i][k] = p.rotation[i][k] * p.scale[k];
+  }
+}
+
+/// J, its rows of the limit where the centre is outside of it.
+inline void find_jacobian(const SplatCamera& camera, Projected& p) {
+  const double* m = camera.matrix;
+  for (int row = 0; row < 2; ++row) {
+    const Double8 at = row == 0 ? p.u : p.v;
+    const float size = static_cast<float>(row == 0 ? camera.width : camera.height);
+    const Float8 pixel = __builtin_convertvector(at, Float8);
+    const Float8 limited = min8(max8(pixel, eight(-kOutside * size)), eight((1.0f + kOutside) * size));
+    (row == 0 ? p.free_u : p.free_v) = pixel == limited;
+    const Double8 used = __builtin_convertvector(limited, Double8);
+    for (int d = 0; d < 3; ++d) {
+      const Double8 numerator = m[4 * row + d] - used * m[8 + d];
+      p.jacobian[row][d] = __builtin_convertvector(numerator, Float8) / p.depth;
+    }
+  }
+}
+
+inline void project(const SplatArrays& in, const SplatCamera& camera, const std::int32_t* index, Projected& p) {
+  const double* m = camera.matrix;
+  Double8 sum[3];
+  for (int row = 0; row < 3; ++row) sum[row] = m[4 * row + 3] - Double8{};
+  for (int d = 0; d < 3; ++d) {
+    const Float8 x = column(in.positions, index, 3, d);
+    p.offset[d] = x - camera.centre[d];
+    const Double8 precise = __builtin_convertvector(x, Double8);
+    for (int row = 0; row < 3; ++row) sum[row] += m[4 * row + d] * precise;
+  }
+  p.u = sum[0] / sum[2];
+  p.v = sum[1] / sum[2];
+  p.depth = __builtin_convertvector(sum[2], Float8);
+  find_axes(in, index, p);
+  find_jacobian(camera, p);
+  for (int row = 0; row < 2; ++row) {
+    for (int k = 0; k < 3; ++k) {
+      const Float8 axis[3] = {p.axes[0][k], p.axes[1][k], p.axes[2][k]};
+      p.along[row][k] = dot3(p.jacobian[row], axis);
+    }
+  }
+  const Float8 *a0 = p.along[0], *a1 = p.along[1];
+  const Float8 square0 = dot3(a0, a0), square1 = dot3(a1, a1);
+  const Float8 cross[3] = {a0[1] * a1[2] - a0[2] * a1[1], a0[2] * a1[0] - a0[0] * a1[2], a0[0] * a1[1] - a0[1] * a1[0]};
+  p.a11 = square0 + kBlur;
+  p.a12 = dot3(a0, a1);
+  p.a22 = square1 + kBlur;
+  // |a0 x a1|^2 in the place of the difference of products, which thin Gaussians would lose to rounding.
+  p.determinant = dot3(cross, cross) + kBlur * (square0 + square1) + kBlur * kBlur;
+  const Float8 logit = column(in.opacities, index, 1, 0);
+  const Float8 e = exp_of_negative<Float8, Int8>(logit > 0.0f ? -logit : logit), more = 1.0f / (1.0f + e);
+  p.opacity = logit > 0.0f ? more : e * more;
+  p.hidden_part = logit > 0.0f ? e * more : more;
+}
+
+// --- colour ----------------------------------------------------------------------------------------------------------
+
+constexpr float kC0 = 0.282094792f, kC1 = 0.488602512f;
+constexpr float kC2[5] = {1.09254843f, -1.09254843f, 0.315391565f, -1.09254843f, 0.546274215f};
+constexpr float kC3[7] = {-0.590043590f, 2.89061144f, -0.457045799f, 0.373176333f, -0.457045799f, 1.44530572f,
+                          -0.590043590f};
+
+/// Y of the unit vector d; `count` of them.
+inline void harmonics(const Float8* d, int count, Float8* out) {
+  const Float8 x = d[0], y = d[1], z = d[2];
+  out[0] = eight(kC0);
+  if (count == 1) return;
+  out[1] = -kC1 * y;
+  out[2] = kC1 * z;
+  out[3] = -kC1 * x;
+  if (count == 4) return;
+  const Float8 xx = x * x, yy = y * y, zz = z * z;
+  out[4] = kC2[0] * x * y;
+  out[5] = kC2[1] * y * z;
+  out[6] = kC2[2] * (2.0f * zz - xx - yy);
+  out[7] = kC2[3] * x * z;
+  out[8] = kC2[4] * (xx - yy);
+  if (count == 9) return;
+  out[9] = kC3[0] * y * (3.0f * xx - yy);
+  out[10] = kC3[1] * x * y * z;
+  out[11] = kC3[2] * y * (4.0f * zz - xx - yy);
+  out[12] = kC3[3] * z * (2.0f * zz - 3.0f * xx - 3.0f * yy);
+  out[13] = kC3[4] * x * (4.0f * zz - xx - yy);
+  out[14] = kC3[5] * z * (xx - yy);
+  out[15] = kC3[6] * x * (xx - 3.0f * yy);
+}
+
+/// Gradient to d of sum_k t[k] Y_k(d), as if the polynomials held beyond unit vectors.
+inline void harmonics_gradient(const Float8* d, int count, const Float8* t, Float8* out) {
+  const Float8 x = d[0], y = d[1], z = d[2];
+  out[0] = -kC1 * t[3];
+  out[1] = -kC1 * t[1];
+  out[2] = kC1 * t[2];
+  if (count == 4) return;
+  out[0] += kC2[0] * y * t[4] - 2.0f * kC2[2] * x * t[6] + kC2[3] * z * t[7] + 2.0f * kC2[4] * x * t[8];
+  out[1] += kC2[0] * x * t[4] + kC2[1] * z * t[5] - 2.0f * kC2[2] * y * t[6] - 2.0f * kC2[4] * y * t[8];
+  out[2] += kC2[1] * y * t[5] + 4.0f * kC2[2] * z * t[6] + kC2[3] * x * t[7];
+  if (count == 9) return;
+  const Float8 xx = x * x, yy = y * y, zz = z * z, xy = x * y, xz = x * z, yz = y * z;
+  out[0] += 6.0f * kC3[0] * xy * t[9] + kC3[1] * yz * t[10] - 2.0f * kC3[2] * xy * t[11] - 6.0f * kC3[3] * xz * t[12] +
+            kC3[4] * (4.0f * zz - 3.0f * xx - yy) * t[13] + 2.0f * kC3[5] * xz * t[14] +
+            3.0f * kC3[6] * (xx - yy) * t[15];
+  out[1] += 3.0f * kC3[0] * (xx - yy) * t[9] + kC3[1] * xz * t[10] + kC3[2] * (4.0f * zz - xx - 3.0f * yy) * t[11] -
+            6.0f * kC3[3] * yz * t[12] - 2.0f * kC3[4] * xy * t[13] - 2.0f * kC3[5] * yz * t[14] -
+            6.0f * kC3[6] * xy * t[15];
+  out[2] += kC3[1] * xy * t[10] + 8.0f * kC3[2] * yz * t[11] + kC3[3] * (6.0f * zz - 3.0f * xx - 3.0f * yy) * t[12] +
+            8.0f * kC3[4] * xz * t[13] + kC3[5] * (xx - yy) * t[14];
+}
+
+/// Colours and harmonics of eight Gaussians.
+struct Shade {
+  Float8 direction[3], distance;
+  alignas(32) float basis[kMaxHarmonics][kEight];
+  alignas(32) float colour[3][kEight];  ///< before the limit at 0
+};
+
+inline void shade(const SplatArrays& in, int count, const std::int32_t* index, const Float8* offset, Shade& out) {
+  out.distance = sqrt8(dot3(offset, offset));
+  for (int d = 0; d < 3; ++d) out.direction[d] = offset[d] / out.distance;
+  Float8 basis[kMaxHarmonics];
+  harmonics(out.direction, count, basis);
+  std::memcpy(out.basis, basis, static_cast<std::size_t>(count) * sizeof(Float8));
+  for (int i = 0; i < kEight; ++i) {
+    const float* h = in.harmonics + static_cast<std::int64_t>(index[i]) * 3 * count;
+    float sum[3] = {0.5f, 0.5f, 0.5f};
+    for (int k = 0; k < count; ++k) {
+      for (int c = 0; c < 3; ++c) sum[c] += out.basis[k][i] * h[3 * k + c];
+    }
+    for (int c = 0; c < 3; ++c) out.colour[c][i] = sum[c];
+  }
+}
+
+// --- records ---------------------------------------------------------------------------------------------------------
+
+/// The screen factors a, b, c of a record: e = log_opacity - (a dx + b dy)^2 - (c dy)^2.
+struct Factors {
+  Float8 a, b, c;
+};
+inline Factors factors(const Projected& p) {
+  Factors f;
+  f.a = sqrt8(kHalfLog2e * p.a22 / p.determinant);
+  f.b = -f.a * (p.a12 / p.a22);
+  f.c = sqrt8(kHalfLog2e / p.a22);
+  return f;
+}
+
+inline Float8 floor_of(Double8 x) {  // of |x| < 2^31
+  const Float8 near = __builtin_convertvector(__builtin_convertvector(x, Int8), Float8);
+  return near - where8((Int8)(near > __builtin_convertvector(x, Float8)), eight(1.0f));
+}
+
+/// First and last pixel of a centre and an extent, within 0 and `size` - 1; empty if last < first.
+inline void pixel_range(Float8 centre, Float8 extent, int size, Int8& first, Int8& last) {
+  const auto most = static_cast<float>(size);
+  first = __builtin_convertvector(min8(max8(centre - extent + 0.49f, Float8{}), eight(most)), Int8);
+  last = __builtin_convertvector(min8(max8(centre + extent + 0.51f, Float8{}), eight(most)), Int8) - 1;
+}
+
+}  // namespace
+
+void project_splats(const SplatArrays& splats, const SplatCamera& camera, std::int64_t begin, std::int64_t end,
+                    SplatRecord* records, std::uint32_t* keys) {
+  for (std::int64_t n = begin; n < end; n += kEight) {
+    std::int32_t index[kEight];
+    const int here = static_cast<int>(end - n < kEight ? end - n : kEight);
+    for (int i = 0; i < kEight; ++i) index[i] = static_cast<std::int32_t>(n + (i < here ? i : here - 1));
+    Projected p;
+    project(splats, camera, index, p);
+    const Float8 u = __builtin_convertvector(p.u, Float8), v = __builtin_convertvector(p.v, Float8);
+    const Float8 log_opacity = log2_8(max8(p.opacity, eight(1e-30f))), room = log_opacity + kLog2Of255;
+    const Float8 reach = max8(room, Float8{}) * (2.0f * kLn2);
+    Int8 x0, x1, y0, y1;
+    pixel_range(u, sqrt8(reach * p.a11), camera.width, x0, x1);
+    pixel_range(v, sqrt8(reach * p.a22), camera.height, y0, y1);
+    const Float8 square = dot3(p.offset, p.offset);
+    // NaN and infinity fail every comparison here.
+    Int8 visible = (room >= 0.0f) & (p.depth >= camera.z_near) & (square < 1e30f) & (u < kBeyond) & (u > -kBeyond) &
+                   (v < kBeyond) & (v > -kBeyond) & (p.a11 < 1e15f) & (p.a22 < 1e15f) & (p.determinant < 1e30f) &
+                   (x1 >= x0) & (y1 >= y0);
+    if (splats.normals) {
+      Float8 away{};
+      for (int d = 0; d < 3; ++d) away += p.offset[d] * column(splats.normals, index, 3, d);
+      visible &= away <= 0.0f;
+    }
+    bool any = false;
+    for (int i = 0; i < here; ++i) any |= visible[i] != 0;
+    for (int i = 0; i < here; ++i) keys[n + i] = kHiddenSplat;
+    if (!any) continue;
+    Shade shading;
+    shade(splats, camera.harmonics, index, p.offset, shading);
+    const Factors f = factors(p);
+    const Float8 pixel_x = floor_of(p.u), pixel_y = floor_of(p.v);
+    const Float8 x = __builtin_convertvector(p.u - __builtin_convertvector(pixel_x, Double8), Float8);
+    const Float8 y = __builtin_convertvector(p.v - __builtin_convertvector(pixel_y, Double8), Float8);
+    for (int i = 0; i < here; ++i) {
+      const float sum = shading.colour[0][i] + shading.colour[1][i] + shading.colour[2][i];
+      if (visible[i] == 0 || !(sum - sum == 0.0f)) continue;
+      SplatRecord& r = records[n + i];
+      r.pixel_x = static_cast<std::int32_t>(pixel_x[i]);
+      r.pixel_y = static_cast<std::int32_t>(pixel_y[i]);
+      r.x = x[i];
+      r.y = y[i];
+      r.a = f.a[i];
+      r.b = f.b[i];
+      r.c = f.c[i];
+      r.log_opacity = log_opacity[i];
+      for (int c = 0; c < 3; ++c) r.colour[c] = shading.colour[c][i] > 0.0f ? shading.colour[c][i] : 0.0f;
+      r.depth = p.depth[i];
+      r.x0 = static_cast<std::int16_t>(x0[i]);
+      r.x1 = static_cast<std::int16_t>(x1[i]);
+      r.y0 = static_cast<std::int16_t>(y0[i]);
+      r.y1 = static_cast<std::int16_t>(y1[i]);
+      r.index = static_cast<std::int32_t>(n + i);
+      r.inverse_a = 1.0f / f.a[i];
+      const float distance = square[i];
+      std::memcpy(&keys[n + i], &distance, sizeof distance);
+    }
+  }
+}
+
+// --- backward --------------------------------------------------------------------------------------------------------
+
+namespace {
+
+/// The sums of eight records over their tiles.
+struct Total {
+  Float8 g, gs, gr, gss, gsr, grr, colour[3], depth;
+};
+
+inline Total total_of(const SplatSums* sums, const std::int32_t* first, std::int64_t k, int here) {
+  alignas(64) float rows[kEight][16] = {};
+  for (int i = 0; i < here; ++i) {
+    Float8 low{}, high{};
+    for (std::int32_t slot = first[k + i]; slot < first[k + i + 1]; ++slot) {
+      Float8 row[2];
+      std::memcpy(row, &sums[slot], sizeof row);
+      low += row[0];
+      high += row[1];
+    }
+    store8(rows[i], low);
+    store8(rows[i] + kEight, high);
+  }
+  Float8 part[10];
+  for (int j = 0; j < 10; ++j) {
+    for (int i = 0; i < kEight; ++i) part[j][i] = rows[i][j];
+  }
+  return {part[0], part[1], part[2], part[3], part[4], part[5], {part[6], part[7], part[8]}, part[9]};
+}
+
+struct ProjectedGradient {
+  Float8 position[3], quaternion[4], log_scale[3];
+};
+
+/// Gradient through the covariance: to J and to the axes.
+inline void covariance_gradient(const Projected& p, const Total& t, Float8 (*to_jacobian)[3], Float8 (*to_axes)[3]) {
+  const Factors f = factors(p);
+  constexpr float kScale = 4.0f * kLn2 * kLn2;
+  // dL/dA = 4 ln2^2 W^T M (W A), W = [[a, b], [0, c]], M the moments of s and r
+  Float8 to_along[2][3];
+  for (int k = 0; k < 3; ++k) {
+    const Float8 s = f.a * p.along[0][k] + f.b * p.along[1][k], r = f.c * p.along[1][k];
+    const Float8 ms = kScale * (t.gss * s + t.gsr * r), mr = kScale * (t.gsr * s + t.grr * r);
+    to_along[0][k] = f.a * ms;
+    to_along[1][k] = f.b * ms + f.c * mr;
+  }
+  for (int d = 0; d < 3; ++d) {
+    for (int row = 0; row < 2; ++row) to_jacobian[row][d] = dot3(to_along[row], p.axes[d]);
+    for (int k = 0; k < 3; ++k) {
+      to_axes[d][k] = p.jacobian[0][d] * to_along[0][k] + p.jacobian[1][d] * to_along[1][k];
+    }
+  }
+}
+
+/// Gradient of the axes to the logarithms of the scales and to the quaternion as given.
+inline void axes_gradient(const Projected& p, Float8 (*to_axes)[3], ProjectedGradient& out) {
+  Float8 r[3][3];  // to the rotation
+  for (int k = 0; k < 3; ++k) {
+    out.log_scale[k] = Float8{};
+    for (int i = 0; i < 3; ++i) {
+      out.log_scale[k] += to_axes[i][k] * p.axes[i][k];
+      r[i][k] = to_axes[i][k] * p.scale[k];
+    }
+  }
+  Float8 unit[4], g[4];
+  for (int d = 0; d < 4; ++d) unit[d] = p.quaternion[d] / p.length;
+  const Float8 w = unit[0], x = unit[1], y = unit[2], z = unit[3];
+  g[0] = 2.0f * (x * (r[2][1] - r[1][2]) + y * (r[0][2] - r[2][0]) + z * (r[1][0] - r[0][1]));
+  g[1] = 2.0f * (y * (r[0][1] + r[1][0]) + z * (r[0][2] + r[2][0]) + w * (r[2][1] - r[1][2]) -
+                 2.0f * x * (r[1][1] + r[2][2]));
+  g[2] = 2.0f * (x * (r[0][1] + r[1][0]) + z * (r[1][2] + r[2][1]) + w * (r[0][2] - r[2][0]) -
+                 2.0f * y * (r[0][0] + r[2][2]));
+  g[3] = 2.0f * (x * (r[0][2] + r[2][0]) + y * (r[1][2] + r[2][1]) + w * (r[1][0] - r[0][1]) -
+                 2.0f * z * (r[0][0] + r[1][1]));
+  const Float8 radial = g[0] * w + g[1] * x + g[2] * y + g[3] * z;
+  for (int d = 0; d < 4; ++d) out.quaternion[d] = (g[d] - unit[d] * radial) / p.length;
+}
+
+/// Gradient of centre, depth and J to the position.
+inline void position_gradient(const SplatCamera& camera, const Projected& p, const Total& t, Float8 (*to_jacobian)[3],
+                              ProjectedGradient& out) {
+  const Factors f = factors(p);
+  Float8 to_u = 2.0f * kLn2 * f.a * t.gs, to_v = 2.0f * kLn2 * (f.b * t.gs + f.c * t.gr), to_depth = t.depth;
+  Float8 last[3];
+  for (int d = 0; d < 3; ++d) last[d] = eight(static_cast<float>(camera.matrix[8 + d]));
+  to_u -= where8(p.free_u, dot3(to_jacobian[0], last) / p.depth);
+  to_v -= where8(p.free_v, dot3(to_jacobian[1], last) / p.depth);
+  to_depth -= (dot3(to_jacobian[0], p.jacobian[0]) + dot3(to_jacobian[1], p.jacobian[1])) / p.depth;
+  const double* m = camera.matrix;
+  for (int d = 0; d < 3; ++d) {
+    const Float8 du = __builtin_convertvector(m[d] - p.u * m[8 + d], Float8) / p.depth;
+    const Float8 dv = __builtin_convertvector(m[4 + d] - p.v * m[8 + d], Float8) / p.depth;
+    out.position[d] = to_u * du + to_v * dv + to_depth * last[d];
+  }
+}
+
+/// Gradient of the colours to the harmonics, which are written, and to the position, which is added to.
+inline void colour_gradient(const SplatArrays& in, int count, const std::int32_t* index, int here, const Projected& p,
+                            const Total& t, float* to_harmonics, ProjectedGradient& out) {
+  Shade shading;
+  shade(in, count, index, p.offset, shading);
+  Float8 through[kMaxHarmonics] = {};  // sum_c gradient_c h_kc
+  for (int i = 0; i < here; ++i) {
+    const std::int64_t row = static_cast<std::int64_t>(index[i]) * 3 * count;
+    float g[3];
+    for (int c = 0; c < 3; ++c) g[c] = shading.colour[c][i] > 0.0f ? t.colour[c][i] : 0.0f;
+    for (int k = 0; k < count; ++k) {
+      const float* h = in.harmonics + row + 3 * k;
+      through[k][i] = g[0] * h[0] + g[1] * h[1] + g[2] * h[2];
+      if (!to_harmonics) continue;
+      for (int c = 0; c < 3; ++c) to_harmonics[row + 3 * k + c] += shading.basis[k][i] * g[c];
+    }
+  }
+  if (count == 1) return;
+  Float8 to_direction[3];
+  harmonics_gradient(shading.direction, count, through, to_direction);
+  const Float8 radial = dot3(to_direction, shading.direction);
+  for (int d = 0; d < 3; ++d) {
+    out.position[d] += (to_direction[d] - shading.direction[d] * radial) / shading.distance;
+  }
+}
+
+inline void add_rows(const Float8* values, int columns, const std::int32_t* index, int here, float* out) {
+  if (!out) return;
+  for (int i = 0; i < here; ++i) {
+    for (int d = 0; d < columns; ++d) out[static_cast<std::int64_t>(index[i]) * columns + d] += values[d][i];
+  }
+}
+
+}  // namespace
+
+void project_splats_backward(const SplatArrays& splats, const SplatCamera& camera, const SplatRecord* records,
+                             const std::int32_t* first, const SplatSums* sums, std::int64_t begin, std::int64_t end,
+                             const SplatGradients& out) {
+  for (std::int64_t k = begin; k < end; k += kEight) {
+    std::int32_t index[kEight];
+    const int here = static_cast<int>(end - k < kEight ? end - k : kEight);
+    for (int i = 0; i < kEight; ++i) index[i] = records[k + (i < here ? i : here - 1)].index;
+    const Total total = total_of(sums, first, k, here);
+    Projected p;
+    project(splats, camera, index, p);
+    ProjectedGradient gradient;
+    Float8 to_jacobian[2][3], to_axes[3][3];
+    covariance_gradient(p, total, to_jacobian, to_axes);
+    axes_gradient(p, to_axes, gradient);
+    position_gradient(camera, p, total, to_jacobian, gradient);
+    colour_gradient(splats, camera.harmonics, index, here, p, total, out.harmonics, gradient);
+    const Float8 to_logit = total.g * p.hidden_part;
+    add_rows(gradient.position, 3, index, here, out.positions);
+    add_rows(gradient.quaternion, 4, index, here, out.rotations);
+    add_rows(gradient.log_scale, 3, index, here, out.log_scales);
+    add_rows(&to_logit, 1, index, here, out.opacities);
+  }
+}
+
+}  // namespace doppel::kernels::DOPPEL_ISA
