@@ -1,6 +1,6 @@
 // Gaussian splats of a capsule of the size of a person: kernel against plain tensor operations of a small scene, then
 // forward and backward of three scenes against the arithmetic that they need.
-//   splat_bench [threads=1]
+//   splat_bench [threads=1] [Gaussians pixels]      default: three scenes
 
 #include <ATen/Parallel.h>
 #include <torch/autograd.h>
@@ -62,12 +62,13 @@ Tensor camera(std::int64_t size) {
       .view({1, 1, 3, 4});
 }
 
-/// The mean of squares of the image, and its gradient to all parameters.
+/// Forward and backward to all parameters.
 struct Step {
   const Splats& splats;
   Tensor projection;
   std::int64_t size;
   SplatOptions options;
+  Tensor upstream = torch::full({1, 1, size, size, 3}, 1e-3);
 
   void forward() const {
     const torch::NoGradGuard no_gradient;
@@ -77,7 +78,7 @@ struct Step {
     const Tensor colour = draw_splats(splats, projection, size, size, options).colour;
     torch::autograd::grad(
         {colour}, {splats.positions, splats.rotations, splats.log_scales, splats.opacities, splats.harmonics},
-        {colour.detach() * (2.0 / static_cast<double>(colour.numel()))});
+        {upstream});
   }
 };
 
@@ -88,7 +89,7 @@ int main(int argc, char** argv) {
   const int threads = argc > 1 ? std::atoi(argv[1]) : 1;
   at::set_num_threads(threads);
   std::printf("%d threads\n", threads);
-  {
+  if (argc <= 3) {
     const Splats small = scene(2000);
     SplatOptions plain;
     plain.use_reference = true;
@@ -96,11 +97,13 @@ int main(int argc, char** argv) {
     compare("2,000 Gaussians, 64 x 64, forward and backward",
             {{"plain tensor operations", reference}, {"kernel", kernel}}, {1, 5, 2.0});
   }
-  for (const auto& [count, size] : {std::pair{40000, 512}, {40000, 1024}, {120000, 1024}}) {
+  std::vector<std::pair<int, int>> scenes{{40000, 512}, {40000, 1024}, {120000, 1024}};
+  if (argc > 3) scenes = {{std::atoi(argv[2]), std::atoi(argv[3])}};
+  for (const auto& [count, size] : scenes) {
     const Splats splats = scene(count);
     const Step step{splats, camera(size), size, {}};
     compare(std::to_string(count) + " Gaussians, " + std::to_string(size) + " x " + std::to_string(size),
-            {{"forward", [&] { step.forward(); }}, {"forward + backward", step}}, {5, 41, 2.0});
+            {{"forward", [&step = step] { step.forward(); }}, {"forward + backward", step}}, {5, 41, 2.0});
   }
   return 0;
 }

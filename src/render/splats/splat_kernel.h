@@ -23,7 +23,7 @@ struct SplatArrays {
   const float *positions, *rotations, *log_scales, *opacities, *harmonics;
   const float* normals;  ///< null: none
 };
-/// Gradients are added to these; null: not wanted.
+/// Gradients are added to these.
 struct SplatGradients {
   float *positions, *rotations, *log_scales, *opacities, *harmonics;
 };
@@ -36,25 +36,20 @@ struct SplatRecord {
   float a, b, c, log_opacity;
   float colour[3], depth;
   std::int16_t x0, x1, y0, y1;  ///< pixels where alpha may reach 1/255, both ends included
-  std::int32_t index;           ///< of the Gaussian
+  std::uint32_t key;            ///< ascending with the distance from the camera; kHiddenSplat: not in the image
   float inverse_a;
 };
 static_assert(sizeof(SplatRecord) == 64, "one cache line");
 
 constexpr std::uint32_t kHiddenSplat = 0xffffffffu;
-/// Records of the Gaussians [begin,end), and keys that sort them by distance; kHiddenSplat: not in the image.
+/// Records of the Gaussians [begin,end).
 DOPPEL_DECLARE_KERNEL(void, project_splats,
                       (const SplatArrays& splats, const SplatCamera& camera, std::int64_t begin, std::int64_t end,
-                       SplatRecord* records, std::uint32_t* keys))
+                       SplatRecord* records))
 
-/// A Gaussian of a tile: its record, and where its gradient from this tile goes.
-struct SplatPair {
-  std::int32_t record, slot;
-};
-/// The Gaussians of a tile, nearest first, and the tile's part of the image.
+/// The Gaussians of a tile, nearest first, and its part of the image.
 struct SplatTile {
-  const SplatRecord* records;
-  const SplatPair* pairs;
+  const SplatRecord* splats;
   std::int64_t count;
   int x0, y0, x1, y1;  ///< pixels of the image; x1, y1 excluded
   std::int64_t width;  ///< of the image
@@ -69,12 +64,14 @@ struct ConstSplatPlanes {
 /// Memory of one thread; no content is kept between calls.
 struct alignas(64) SplatScratch {
   static constexpr int kStride = kSplatTileWidth + 8;  ///< rows end with room for a vector
-  float planes[8][kSplatTileHeight * kStride];
-  struct Run {
-    std::int32_t at, record;  ///< first pixel in the planes
-    float s, exponent, r;     ///< a dx + b dy at the first pixel; log_opacity - r^2; c dy
-  };
-  Run runs[1024 + kSplatTileHeight * (kSplatTileWidth / 8 + 1)];
+  static constexpr int kRunsAtOnce = 512, kMostRuns = kRunsAtOnce + kSplatTileHeight * (kSplatTileWidth / 8) + 8;
+  float planes[8][kSplatTileHeight * kStride + 80];
+  /// Up to eight pixels of a row of a Gaussian.
+  std::int32_t at[kMostRuns];      ///< the first pixel in the planes
+  std::int32_t splat[kMostRuns];   ///< its number in the tile
+  float s[kMostRuns];         ///< a dx + b dy at the first pixel
+  float exponent[kMostRuns];  ///< log_opacity - r^2
+  float r[kMostRuns];         ///< c dy
 };
 DOPPEL_DECLARE_KERNEL(void, draw_splat_tile, (const SplatTile& tile, const SplatPlanes& image, SplatScratch& scratch))
 
@@ -84,16 +81,19 @@ struct SplatSums {
   float colour[3], depth;
   float unused[6];
 };
-/// Writes sums[slot] for each pair of the tile. @param image as drawn @param upstream gradient to it; `alpha` and
+/// @param sums [count] @param image as drawn @param upstream gradient to it; `alpha` and
 /// `depth` may be null
 DOPPEL_DECLARE_KERNEL(void, draw_splat_tile_backward,
                       (const SplatTile& tile, const ConstSplatPlanes& image, const ConstSplatPlanes& upstream,
                        SplatScratch& scratch, SplatSums* sums))
 
-/// Adds the gradients of the records [begin,end). @param first [M+1] the slots of record k are first[k] to first[k+1]
+/// Where the sums are: those of Gaussian n at places[first[n]] to places[first[n+1]], one for each tile that it touches.
+struct SplatPlaces {
+  const std::int32_t *first, *places;
+};
+/// Adds the gradients of the Gaussians [begin,end).
 DOPPEL_DECLARE_KERNEL(void, project_splats_backward,
-                      (const SplatArrays& splats, const SplatCamera& camera, const SplatRecord* records,
-                       const std::int32_t* first, const SplatSums* sums, std::int64_t begin, std::int64_t end,
-                       const SplatGradients& out))
+                      (const SplatArrays& splats, const SplatCamera& camera, const SplatPlaces& at,
+                       const SplatSums* sums, std::int64_t begin, std::int64_t end, const SplatGradients& out))
 
 }  // namespace doppel::kernels

@@ -6,6 +6,10 @@
 #include <cstdint>
 #include <cstring>
 
+#if defined(__AVX2__)
+#include <immintrin.h>
+#endif
+
 namespace doppel::kernels::DOPPEL_ISA {
 
 constexpr int kEight = 8;
@@ -29,11 +33,60 @@ static inline Float8 sqrt8(Float8 v) {
   for (int i = 0; i < kEight; ++i) v[i] = __builtin_sqrtf(v[i]);
   return v;
 }
+/// The bits of the lanes that a mask sets.
+static inline unsigned bits8(Int8 mask) {
+#if defined(__AVX2__)
+  return static_cast<unsigned>(_mm256_movemask_ps((__m256)mask));
+#else
+  unsigned bits = 0;
+  for (int i = 0; i < kEight; ++i) bits |= (mask[i] < 0 ? 1u : 0u) << i;
+  return bits;
+#endif
+}
 static inline float sum8(Float8 v) {
   typedef float Float4 __attribute__((vector_size(16)));
   Float4 half = __builtin_shufflevector(v, v, 0, 1, 2, 3) + __builtin_shufflevector(v, v, 4, 5, 6, 7);
   half += __builtin_shufflevector(half, half, 2, 3, 0, 1);
   return half[0] + half[1];
+}
+/// Sums of neighbours of a, then of b, in each half: a0+a1 a2+a3 b0+b1 b2+b3, a4+a5 ...
+static inline Float8 add_neighbours(Float8 a, Float8 b) {
+  return __builtin_shufflevector(a, b, 0, 2, 8, 10, 4, 6, 12, 14) +
+         __builtin_shufflevector(a, b, 1, 3, 9, 11, 5, 7, 13, 15);
+}
+/// The sums of the lanes of eight vectors.
+static inline Float8 sums8(Float8 a, Float8 b, Float8 c, Float8 d, Float8 e, Float8 f, Float8 g, Float8 h) {
+  const Float8 abcd = add_neighbours(add_neighbours(a, b), add_neighbours(c, d)),
+               efgh = add_neighbours(add_neighbours(e, f), add_neighbours(g, h));
+  return __builtin_shufflevector(abcd, efgh, 0, 1, 2, 3, 8, 9, 10, 11) +
+         __builtin_shufflevector(abcd, efgh, 4, 5, 6, 7, 12, 13, 14, 15);
+}
+
+/// Columns of eight rows of three or four numbers, one after the other in memory.
+static inline void load_rows3(const float* rows, Float8* out) {
+  const Float8 a = load8(rows), b = load8(rows + 8), c = load8(rows + 16);
+  out[0] = __builtin_shufflevector(__builtin_shufflevector(a, b, 0, 3, 6, 9, 12, 15, 0, 0), c, 0, 1, 2, 3, 4, 5, 10, 13);
+  out[1] = __builtin_shufflevector(__builtin_shufflevector(a, b, 1, 4, 7, 10, 13, 0, 0, 0), c, 0, 1, 2, 3, 4, 8, 11, 14);
+  out[2] = __builtin_shufflevector(__builtin_shufflevector(a, b, 2, 5, 8, 11, 14, 0, 0, 0), c, 0, 1, 2, 3, 4, 9, 12, 15);
+}
+static inline void load_rows4(const float* rows, Float8* out) {
+  const Float8 a = load8(rows), b = load8(rows + 8), c = load8(rows + 16), d = load8(rows + 24);
+  const Float8 ab01 = __builtin_shufflevector(a, b, 0, 4, 8, 12, 1, 5, 9, 13),
+               cd01 = __builtin_shufflevector(c, d, 0, 4, 8, 12, 1, 5, 9, 13),
+               ab23 = __builtin_shufflevector(a, b, 2, 6, 10, 14, 3, 7, 11, 15),
+               cd23 = __builtin_shufflevector(c, d, 2, 6, 10, 14, 3, 7, 11, 15);
+  out[0] = __builtin_shufflevector(ab01, cd01, 0, 1, 2, 3, 8, 9, 10, 11);
+  out[1] = __builtin_shufflevector(ab01, cd01, 4, 5, 6, 7, 12, 13, 14, 15);
+  out[2] = __builtin_shufflevector(ab23, cd23, 0, 1, 2, 3, 8, 9, 10, 11);
+  out[3] = __builtin_shufflevector(ab23, cd23, 4, 5, 6, 7, 12, 13, 14, 15);
+}
+/// Rows become columns.
+static inline void transpose8(const Float8* rows, Float8* out) {
+  for (int half = 0; half < 2; ++half) {
+    float low[32];
+    for (int i = 0; i < kEight; ++i) std::memcpy(low + 4 * i, reinterpret_cast<const float*>(rows + i) + 4 * half, 16);
+    load_rows4(low, out + 4 * half);
+  }
 }
 
 /// 2^x to 2e-7 (relative) for -126 <= x <= 126; any value for other x. Rounding to the nearest integer, then a

@@ -17,7 +17,6 @@
 namespace doppel::splats {
 namespace {
 
-using kernels::SplatPair;
 using kernels::SplatRecord;
 using kernels::SplatScratch;
 using kernels::SplatSums;
@@ -28,12 +27,16 @@ using torch::autograd::variable_list;
 
 constexpr std::int64_t kSplatsPerThread = 2048;  ///< fewer do not pay for another thread
 
+/// Memory of one thread.
+struct ThreadMemory {
+  SplatScratch scratch;
+  TileSort sort;
+};
 /// Memory that calls hand on to the next one.
 struct Workspace {
-  std::vector<std::uint32_t> keys;
   std::vector<SplatRecord> records;
-  std::vector<std::unique_ptr<SplatScratch>> scratch;
-  KeySort sort;
+  std::vector<std::int32_t> copies;
+  std::vector<std::unique_ptr<ThreadMemory>> threads;
 };
 class WorkspaceLease : public render::Lease<Workspace> {
  public:
@@ -84,23 +87,31 @@ struct Scene {
   }
 };
 
-/// What the forward pass of one view leaves for the backward pass: four tensors of the op's result.
+/// What the forward pass of one view leaves for the backward pass: tensors of the op's result.
 struct ViewState {
-  Tensor records;  ///< uint8 [M,64] SplatRecord, nearest first
-  Tensor first;    ///< int32 [M+1] slots of the records
-  Tensor offsets;  ///< int32 [tiles+1]
-  Tensor pairs;    ///< int32 [P,2] SplatPair
+  static constexpr std::int64_t kTensors = 4;
+  Tensor first, offsets;           ///< int32 [N+1], [tiles+1]: count_copies
+  Tensor records;                  ///< uint8 [copies,64] SplatRecord, tile by tile
+  Tensor places;                   ///< int32 [copies]: TileSort
 
-  std::int64_t count() const { return first.size(0) - 1; }
-  std::int64_t slots() const { return pairs.size(0); }
-  const SplatRecord* record_data() const { return reinterpret_cast<const SplatRecord*>(records.data_ptr()); }
+  static ViewState from(const std::vector<Tensor>& tensors, std::int64_t view) {
+    const Tensor* t = tensors.data() + kTensors * view;
+    return {t[0], t[1], t[2], t[3]};
+  }
+  void append_to(std::vector<Tensor>& tensors) const {
+    tensors.insert(tensors.end(), {first, offsets, records, places});
+  }
+  std::int64_t copies() const { return records.size(0); }
+  void sort(std::int64_t tile, TileSort& by, const std::int32_t* copies) const {
+    const std::int32_t* offset = offsets.data_ptr<std::int32_t>() + tile;
+    by.sort(reinterpret_cast<SplatRecord*>(records.data_ptr()) + offset[0], offset[1] - offset[0], copies + offset[0],
+            offset[0], places.data_ptr<std::int32_t>());
+  }
   SplatTile tile(const TileGrid& grid, std::int64_t number) const {
     const std::int32_t* offset = offsets.data_ptr<std::int32_t>() + number;
-    const auto* all = reinterpret_cast<const SplatPair*>(pairs.data_ptr<std::int32_t>());
     const int x = static_cast<int>(number % grid.columns()) * kernels::kSplatTileWidth,
               y = static_cast<int>(number / grid.columns()) * kernels::kSplatTileHeight;
-    return {record_data(),
-            all + offset[0],
+    return {reinterpret_cast<const SplatRecord*>(records.data_ptr()) + offset[0],
             offset[1] - offset[0],
             x,
             y,
@@ -119,37 +130,32 @@ Tensor rounded_empty(std::int64_t rows, std::int64_t columns, torch::ScalarType 
 ViewState project_view(const Scene& scene, std::int64_t view, Workspace& w) {
   const kernels::SplatArrays arrays = scene.arrays(view / scene.cameras);
   const kernels::SplatCamera camera = scene.camera(view);
-  w.keys.resize(as_size(scene.count));
   w.records.resize(as_size(scene.count));
   at::parallel_for(0, scene.count, kSplatsPerThread, [&](std::int64_t begin, std::int64_t end) {
-    kernels::project_splats(arrays, camera, begin, end, w.records.data(), w.keys.data());
+    kernels::project_splats(arrays, camera, begin, end, w.records.data());
   });
-  const std::vector<std::int32_t>& order = w.sort.sort(w.keys.data(), scene.count);
-  const auto drawn = static_cast<std::int64_t>(order.size());
   ViewState out;
-  out.records = rounded_empty(drawn, sizeof(SplatRecord), torch::kUInt8);
-  auto* records = reinterpret_cast<SplatRecord*>(out.records.data_ptr());
-  at::parallel_for(0, drawn, 4 * kSplatsPerThread, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t k = begin; k < end; ++k) records[k] = w.records[order[k]];
-  });
-  out.first = rounded_empty(drawn + 1, 1, torch::kInt32).view({-1});
-  count_slots(records, drawn, out.first.data_ptr<std::int32_t>());
+  out.first = rounded_empty(scene.count + 1, 1, torch::kInt32).view({-1});
   out.offsets = torch::empty({scene.grid.tiles() + 1}, torch::kInt32);
-  out.pairs = rounded_empty(out.first.data_ptr<std::int32_t>()[drawn], 2, torch::kInt32);
-  fill_tiles(records, drawn, out.first.data_ptr<std::int32_t>(), scene.grid, out.offsets.data_ptr<std::int32_t>(),
-             reinterpret_cast<SplatPair*>(out.pairs.data_ptr<std::int32_t>()));
+  auto *first = out.first.data_ptr<std::int32_t>(), *offsets = out.offsets.data_ptr<std::int32_t>();
+  count_copies(w.records, scene.grid, first, offsets);
+  out.records = rounded_empty(first[scene.count], sizeof(SplatRecord), torch::kUInt8);
+  out.places = rounded_empty(first[scene.count], 1, torch::kInt32).view({-1});
+  w.copies.resize(as_size(first[scene.count]));
+  fill_tiles(w.records, scene.grid, offsets, reinterpret_cast<SplatRecord*>(out.records.data_ptr()),
+             w.copies.data());
   return out;
 }
 
-/// Runs work(tile, scratch) for all tiles of an image.
+/// Runs work(tile, memory of the thread) for all tiles of an image.
 template <typename Work>
 void for_tiles(const TileGrid& grid, Workspace& w, const Work& work) {
   const int threads = at::in_parallel_region() ? 1 : std::max(at::get_num_threads(), 1);
-  while (w.scratch.size() < as_size(threads)) w.scratch.push_back(std::make_unique<SplatScratch>());
+  while (w.threads.size() < as_size(threads)) w.threads.push_back(std::make_unique<ThreadMemory>());
   std::atomic<std::int64_t> next{0};
   at::parallel_for(0, threads, 1, [&](std::int64_t first, std::int64_t last) {
     for (std::int64_t thread = first; thread < last; ++thread)
-      for (std::int64_t tile = next++; tile < grid.tiles(); tile = next++) work(tile, *w.scratch[thread]);
+      for (std::int64_t tile = next++; tile < grid.tiles(); tile = next++) work(tile, *w.threads[thread]);
   });
 }
 
@@ -178,10 +184,11 @@ std::tuple<Tensor, Tensor, Tensor, std::vector<Tensor>> draw_splats_cpu(
   for (std::int64_t v = 0; v < scene.views(); ++v) {
     const ViewState state = project_view(scene, v, *w);
     const kernels::SplatPlanes image = planes(colour, alpha, depth, v, scene.views());
-    for_tiles(scene.grid, *w, [&](std::int64_t tile, SplatScratch& scratch) {
-      kernels::draw_splat_tile(state.tile(scene.grid, tile), image, scratch);
+    for_tiles(scene.grid, *w, [&](std::int64_t number, ThreadMemory& memory) {
+      state.sort(number, memory.sort, w->copies.data());
+      kernels::draw_splat_tile(state.tile(scene.grid, number), image, memory.scratch);
     });
-    if (keep) states.insert(states.end(), {state.records, state.first, state.offsets, state.pairs});
+    if (keep) state.append_to(states);
   }
   return {colour, alpha, depth, states};
 }
@@ -195,36 +202,37 @@ std::tuple<Tensor, Tensor, Tensor, Tensor, Tensor> draw_splats_backward_cpu(
   const Scene scene(positions, rotations, log_scales, opacities, harmonics, {}, projection, centre, colour.size(2),
                     colour.size(3), z_near);
   const std::int64_t views = scene.views();
-  TORCH_CHECK(states.size() == as_size(4 * views), "doppel::draw_splats_backward: states of another image");
+  TORCH_CHECK(states.size() == as_size(ViewState::kTensors * views), "doppel::draw_splats_backward: states of another image");
   const auto upstream_of = [](const OptionalTensor& t) {
     return t.has_value() ? t->contiguous() : torch::empty({0}, torch::kFloat32);
   };
   const Tensor upstream_colour = to_colour.has_value() ? to_colour->contiguous() : torch::zeros_like(colour);
   const Tensor upstream_alpha = upstream_of(to_alpha), upstream_depth = upstream_of(to_depth);
-  const std::vector<Tensor> out = {torch::zeros_like(scene.positions), torch::zeros_like(scene.rotations),
-                                   torch::zeros_like(scene.log_scales), torch::zeros_like(scene.opacities),
-                                   torch::zeros_like(scene.harmonics)};
+  std::vector<Tensor> out;
+  for (const Tensor& t : {scene.positions, scene.rotations, scene.log_scales, scene.opacities, scene.harmonics})
+    out.push_back(render::recycled_empty(t.sizes(), torch::kFloat32).zero_());
   const auto to = [&](int k, std::int64_t item) {
     return out[k].data_ptr<float>() + item * (out[k].numel() / scene.batch);
   };
   const WorkspaceLease w;
   for (std::int64_t v = 0; v < views; ++v) {
-    const ViewState state{states[4 * v], states[4 * v + 1], states[4 * v + 2], states[4 * v + 3]};
+    const ViewState state = ViewState::from(states, v);
     const std::int64_t item = v / scene.cameras;
-    const Tensor sums = rounded_empty(state.slots(), sizeof(SplatSums) / sizeof(float), torch::kFloat32);
+    const Tensor sums = rounded_empty(state.copies(), sizeof(SplatSums) / sizeof(float), torch::kFloat32);
     auto* sum_data = reinterpret_cast<SplatSums*>(sums.data_ptr<float>());
     const kernels::SplatPlanes image = planes(colour, alpha, depth, v, views),
                                upstream = planes(upstream_colour, upstream_alpha, upstream_depth, v, views);
-    for_tiles(scene.grid, *w, [&](std::int64_t tile, SplatScratch& scratch) {
-      kernels::draw_splat_tile_backward(state.tile(scene.grid, tile), {image.colour, image.alpha, image.depth},
-                                        {upstream.colour, upstream.alpha, upstream.depth}, scratch, sum_data);
+    for_tiles(scene.grid, *w, [&](std::int64_t number, ThreadMemory& memory) {
+      kernels::draw_splat_tile_backward(state.tile(scene.grid, number), {image.colour, image.alpha, image.depth},
+                                        {upstream.colour, upstream.alpha, upstream.depth}, memory.scratch,
+                                        sum_data + state.offsets.data_ptr<std::int32_t>()[number]);
     });
     const kernels::SplatArrays arrays = scene.arrays(item);
     const kernels::SplatCamera camera = scene.camera(v);
+    const kernels::SplatPlaces places{state.first.data_ptr<std::int32_t>(), state.places.data_ptr<std::int32_t>()};
     const kernels::SplatGradients gradients{to(0, item), to(1, item), to(2, item), to(3, item), to(4, item)};
-    at::parallel_for(0, state.count(), kSplatsPerThread / 2, [&](std::int64_t begin, std::int64_t end) {
-      kernels::project_splats_backward(arrays, camera, state.record_data(), state.first.data_ptr<std::int32_t>(),
-                                       sum_data, begin, end, gradients);
+    at::parallel_for(0, scene.count, kSplatsPerThread / 2, [&](std::int64_t begin, std::int64_t end) {
+      kernels::project_splats_backward(arrays, camera, places, sum_data, begin, end, gradients);
     });
   }
   return {out[0], out[1], out[2], out[3], out[4]};

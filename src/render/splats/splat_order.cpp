@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 #include "doppel/core/as_size.h"
 
@@ -12,68 +13,75 @@ using kernels::kSplatTileHeight;
 using kernels::kSplatTileWidth;
 using kernels::SplatRecord;
 
-constexpr int kDigitBits = 11, kDigits = 3;
-constexpr std::uint32_t kDigitMask = (1u << kDigitBits) - 1;
+constexpr int kDigitBits = 8, kDigits = 4;
+constexpr std::uint64_t kDigitMask = (1u << kDigitBits) - 1;
 
 /// Calls visit(tile) for each tile that a record touches, row by row.
 template <typename Visit>
 void for_each_tile(const SplatRecord& r, std::int64_t columns, const Visit& visit) {
-  for (int y = r.y0 / kSplatTileHeight; y <= r.y1 / kSplatTileHeight; ++y)
-    for (int x = r.x0 / kSplatTileWidth; x <= r.x1 / kSplatTileWidth; ++x) visit(y * columns + x);
+  if (r.key == kernels::kHiddenSplat) return;
+  const unsigned x0 = r.x0, x1 = r.x1, y0 = r.y0, y1 = r.y1;
+  for (unsigned y = y0 / kSplatTileHeight; y <= y1 / kSplatTileHeight; ++y)
+    for (unsigned x = x0 / kSplatTileWidth; x <= x1 / kSplatTileWidth; ++x) visit(y * columns + x);
 }
 
 }  // namespace
 
-const std::vector<std::int32_t>& KeySort::sort(const std::uint32_t* keys, std::int64_t count) {
-  std::array<std::array<std::int32_t, as_size(kDigitMask) + 1>, kDigits> starts{};
-  keys_.clear();
-  order_.clear();
-  for (std::int64_t i = 0; i < count; ++i) {
-    if (keys[i] == kernels::kHiddenSplat) continue;
-    keys_.push_back(keys[i]);
-    order_.push_back(static_cast<std::int32_t>(i));
-    for (int d = 0; d < kDigits; ++d) ++starts[d][keys[i] >> (d * kDigitBits) & kDigitMask];
+void count_copies(const std::vector<SplatRecord>& records, const TileGrid& grid, std::int32_t* first,
+                  std::int32_t* offsets) {
+  std::fill_n(offsets, grid.tiles() + 1, 0);
+  std::int32_t copies = 0;
+  for (const SplatRecord& record : records) {
+    *first++ = copies;
+    for_each_tile(record, grid.columns(), [&](std::int64_t tile) {
+      ++offsets[tile + 1];
+      ++copies;
+    });
   }
-  other_keys_.resize(keys_.size());
-  other_order_.resize(order_.size());
+  *first = copies;
+  for (std::int64_t tile = 0; tile < grid.tiles(); ++tile) offsets[tile + 1] += offsets[tile];
+}
+
+void fill_tiles(const std::vector<SplatRecord>& records, const TileGrid& grid, const std::int32_t* offsets,
+                SplatRecord* out, std::int32_t* copies) {
+  std::vector<std::int32_t> next(offsets, offsets + grid.tiles());
+  std::int32_t copy = 0;
+  for (const SplatRecord& record : records) {
+    for_each_tile(record, grid.columns(), [&](std::int64_t tile) {
+      const std::int32_t place = next[tile]++;
+      out[place] = record;
+      copies[place] = copy++;
+    });
+  }
+}
+
+void TileSort::sort_keys(const SplatRecord* records, std::int64_t count) {
+  std::array<std::array<std::int32_t, as_size(kDigitMask) + 1>, kDigits> starts{};
+  items_.resize(as_size(count));
+  other_.resize(as_size(count));
+  for (std::int64_t i = 0; i < count; ++i) {
+    const std::uint64_t key = records[i].key;
+    items_[i] = key << 32 | static_cast<std::uint64_t>(i);
+    for (int d = 0; d < kDigits; ++d) ++starts[d][key >> (d * kDigitBits) & kDigitMask];
+  }
   for (int d = 0; d < kDigits; ++d) {
+    const int shift = 32 + d * kDigitBits;
+    if (count > 0 && starts[d][items_[0] >> shift & kDigitMask] == count) continue;  // all have this digit
     std::int32_t sum = 0;
     for (std::int32_t& start : starts[d]) sum += std::exchange(start, sum);
-    for (std::size_t i = 0; i < keys_.size(); ++i) {
-      const std::int32_t at = starts[d][keys_[i] >> (d * kDigitBits) & kDigitMask]++;
-      other_keys_[at] = keys_[i];
-      other_order_[at] = order_[i];
-    }
-    keys_.swap(other_keys_);
-    order_.swap(other_order_);
+    for (const std::uint64_t item : items_) other_[starts[d][item >> shift & kDigitMask]++] = item;
+    items_.swap(other_);
   }
-  return order_;
 }
 
-void count_slots(const SplatRecord* records, std::int64_t count, std::int32_t* first) {
-  std::int32_t sum = 0;
-  for (std::int64_t k = 0; k < count; ++k) {
-    const SplatRecord& r = records[k];
-    first[k] = sum;
-    sum += (r.x1 / kSplatTileWidth - r.x0 / kSplatTileWidth + 1) *
-           (r.y1 / kSplatTileHeight - r.y0 / kSplatTileHeight + 1);
-  }
-  first[count] = sum;
-}
-
-void fill_tiles(const SplatRecord* records, std::int64_t count, const std::int32_t* first, const TileGrid& grid,
-                std::int32_t* offsets, kernels::SplatPair* pairs) {
-  const std::int64_t columns = grid.columns(), tiles = grid.tiles();
-  std::fill_n(offsets, tiles + 1, 0);
-  for (std::int64_t k = 0; k < count; ++k)
-    for_each_tile(records[k], columns, [&](std::int64_t tile) { ++offsets[tile + 1]; });
-  for (std::int64_t tile = 0; tile < tiles; ++tile) offsets[tile + 1] += offsets[tile];
-  std::vector<std::int32_t> next(offsets, offsets + tiles);
-  for (std::int64_t k = 0; k < count; ++k) {
-    std::int32_t slot = first[k];
-    for_each_tile(records[k], columns, [&](std::int64_t tile) {
-      pairs[next[tile]++] = {static_cast<std::int32_t>(k), slot++};
-    });
+void TileSort::sort(SplatRecord* records, std::int64_t count, const std::int32_t* copies, std::int32_t first,
+                    std::int32_t* places) {
+  sort_keys(records, count);
+  before_.assign(records, records + count);
+  for (std::int64_t i = 0; i < count; ++i) {
+    const auto number = static_cast<std::size_t>(items_[i] & 0xffffffffu);
+    records[i] = before_[number];
+    places[copies[number]] = first + static_cast<std::int32_t>(i);
   }
 }
 

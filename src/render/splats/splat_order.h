@@ -7,17 +7,6 @@
 
 namespace doppel::splats {
 
-/// Indices of the keys other than kHiddenSplat, in ascending order of the keys; equal keys: in ascending order of the
-/// indices.
-class KeySort {
- public:
-  const std::vector<std::int32_t>& sort(const std::uint32_t* keys, std::int64_t count);
-
- private:
-  std::vector<std::uint32_t> keys_, other_keys_;
-  std::vector<std::int32_t> order_, other_order_;
-};
-
 /// The tiles of an image of W x H pixels, row by row.
 struct TileGrid {
   std::int64_t width, height;
@@ -26,10 +15,28 @@ struct TileGrid {
   std::int64_t tiles() const { return columns() * rows(); }
 };
 
-/// The number of tiles that each record touches, added up. @param first [M+1], of which first[M] is the number of pairs
-void count_slots(const kernels::SplatRecord* records, std::int64_t count, std::int32_t* first);
-/// Pairs of all tiles, tile by tile, the nearest record first. @param offsets [tiles+1] where each tile begins
-void fill_tiles(const kernels::SplatRecord* records, std::int64_t count, const std::int32_t* first,
-                const TileGrid& grid, std::int32_t* offsets, kernels::SplatPair* pairs);
+/// Counts the copies of N records, one for each tile that a record touches. Those with the key kHiddenSplat have none.
+/// @param first [N+1] record n has the copies first[n] to first[n+1] @param offsets [tiles+1] the first copy of each tile
+void count_copies(const std::vector<kernels::SplatRecord>& records, const TileGrid& grid, std::int32_t* first,
+                  std::int32_t* offsets);
+/// Copies the records to their tiles, in each tile in the order of their indices.
+/// @param out [copies] tile by tile @param copies [copies] the number of the copy at each place of `out`, counted record
+/// by record
+void fill_tiles(const std::vector<kernels::SplatRecord>& records, const TileGrid& grid, const std::int32_t* offsets,
+                kernels::SplatRecord* out, std::int32_t* copies);
+
+/// Sorts the records of a tile by their keys, the smallest first. Equal keys keep their order.
+class TileSort {
+ public:
+  /// @param copies [count] of the records before @param first the place of the first record in the image
+  /// @param places where each copy of the image lies now; written for those of this tile
+  void sort(kernels::SplatRecord* records, std::int64_t count, const std::int32_t* copies, std::int32_t first,
+            std::int32_t* places);
+
+ private:
+  void sort_keys(const kernels::SplatRecord* records, std::int64_t count);
+  std::vector<std::uint64_t> items_, other_;  ///< key and number
+  std::vector<kernels::SplatRecord> before_;
+};
 
 }  // namespace doppel::splats

@@ -12,6 +12,30 @@ constexpr float kLog2Of255 = 7.99435344f;
 constexpr float kBeyond = 1048576.0f;   // pixels
 constexpr float kOutside = 0.15f;       // of the image, where J stays that of the limit
 
+/// The parameters of eight Gaussians, one after the other; those of fewer are followed by zeros.
+struct Block {
+  const float *positions, *rotations, *log_scales, *opacities, *normals;
+  float copy[14 * kEight];
+
+  Block(const SplatArrays& in, std::int64_t n, int here) {
+    float* next = copy;
+    const auto rows = [&](const float* all, int columns) -> const float* {
+      if (!all) return nullptr;
+      if (here == kEight) return all + columns * n;
+      float* const out = next;
+      next += columns * kEight;
+      std::memset(out, 0, sizeof(float) * static_cast<std::size_t>(columns * kEight));
+      std::memcpy(out, all + columns * n, sizeof(float) * static_cast<std::size_t>(columns * here));
+      return out;
+    };
+    positions = rows(in.positions, 3);
+    rotations = rows(in.rotations, 4);
+    log_scales = rows(in.log_scales, 3);
+    opacities = rows(in.opacities, 1);
+    normals = rows(in.normals, 3);
+  }
+};
+
 /// Eight Gaussians and what the projection makes of them.
 struct Projected {
   Float8 offset[3];         ///< position - centre of the camera
@@ -31,23 +55,16 @@ struct Projected {
 
 inline Float8 dot3(const Float8* a, const Float8* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-/// Component d of the rows index[lane] of a matrix with `columns` columns.
-inline Float8 column(const float* rows, const std::int32_t* index, int columns, int d) {
-  Float8 v;
-  for (int i = 0; i < kEight; ++i) v[i] = rows[static_cast<std::int64_t>(index[i]) * columns + d];
-  return v;
-}
-
 inline Float8 exp8(Float8 x) {
   const Float8 e = exp_of_negative<Float8, Int8>(x > 0.0f ? -x : x);
   return x > 0.0f ? 1.0f / e : e;
 }
 
-inline void find_axes(const SplatArrays& in, const std::int32_t* index, Projected& p) {
-  for (int d = 0; d < 4; ++d) p.quaternion[d] = column(in.rotations, index, 4, d);
+inline void find_axes(const Block& in, Projected& p) {
+  load_rows4(in.rotations, p.quaternion);
   const Float8* q = p.quaternion;
   p.length = sqrt8(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  const Float8 w = q[0] / p.length, x = q[1] / p.length, y = q[2] / p.length, z = q[3] / p.length;
+  const Float8 scale = 1.0f / p.length, w = q[0] * scale, x = q[1] * scale, y = q[2] * scale, z = q[3] * scale;
   p.rotation[0][0] = 1.0f - 2.0f * (y * y + z * z);
   p.rotation[0][1] = 2.0f * (x * y - w * z);
   p.rotation[0][2] = 2.0f * (x * z + w * y);
@@ -57,8 +74,9 @@ inline void find_axes(const SplatArrays& in, const std::int32_t* index, Projecte
   p.rotation[2][0] = 2.0f * (x * z - w * y);
   p.rotation[2][1] = 2.0f * (y * z + w * x);
   p.rotation[2][2] = 1.0f - 2.0f * (x * x + y * y);
+  load_rows3(in.log_scales, p.scale);
   for (int k = 0; k < 3; ++k) {
-    p.scale[k] = exp8(column(in.log_scales, index, 3, k));
+    p.scale[k] = exp8(p.scale[k]);
     for (int i = 0; i < 3; ++i) p.axes[i][k] = p.rotation[i][k] * p.scale[k];
   }
 }
@@ -66,6 +84,7 @@ inline void find_axes(const SplatArrays& in, const std::int32_t* index, Projecte
 /// J, its rows of the limit where the centre is outside of it.
 inline void find_jacobian(const SplatCamera& camera, Projected& p) {
   const double* m = camera.matrix;
+  const Float8 inverse = 1.0f / p.depth;
   for (int row = 0; row < 2; ++row) {
     const Double8 at = row == 0 ? p.u : p.v;
     const float size = static_cast<float>(row == 0 ? camera.width : camera.height);
@@ -75,25 +94,27 @@ inline void find_jacobian(const SplatCamera& camera, Projected& p) {
     const Double8 used = __builtin_convertvector(limited, Double8);
     for (int d = 0; d < 3; ++d) {
       const Double8 numerator = m[4 * row + d] - used * m[8 + d];
-      p.jacobian[row][d] = __builtin_convertvector(numerator, Float8) / p.depth;
+      p.jacobian[row][d] = __builtin_convertvector(numerator, Float8) * inverse;
     }
   }
 }
 
-inline void project(const SplatArrays& in, const SplatCamera& camera, const std::int32_t* index, Projected& p) {
+inline void project(const Block& in, const SplatCamera& camera, Projected& p) {
   const double* m = camera.matrix;
+  Float8 position[3];
+  load_rows3(in.positions, position);
   Double8 sum[3];
   for (int row = 0; row < 3; ++row) sum[row] = m[4 * row + 3] - Double8{};
   for (int d = 0; d < 3; ++d) {
-    const Float8 x = column(in.positions, index, 3, d);
-    p.offset[d] = x - camera.centre[d];
-    const Double8 precise = __builtin_convertvector(x, Double8);
+    p.offset[d] = position[d] - camera.centre[d];
+    const Double8 precise = __builtin_convertvector(position[d], Double8);
     for (int row = 0; row < 3; ++row) sum[row] += m[4 * row + d] * precise;
   }
-  p.u = sum[0] / sum[2];
-  p.v = sum[1] / sum[2];
+  const Double8 inverse = 1.0 / sum[2];
+  p.u = sum[0] * inverse;
+  p.v = sum[1] * inverse;
   p.depth = __builtin_convertvector(sum[2], Float8);
-  find_axes(in, index, p);
+  find_axes(in, p);
   find_jacobian(camera, p);
   for (int row = 0; row < 2; ++row) {
     for (int k = 0; k < 3; ++k) {
@@ -109,7 +130,7 @@ inline void project(const SplatArrays& in, const SplatCamera& camera, const std:
   p.a22 = square1 + kBlur;
   // |a0 x a1|^2 in the place of the difference of products, which thin Gaussians would lose to rounding.
   p.determinant = dot3(cross, cross) + kBlur * (square0 + square1) + kBlur * kBlur;
-  const Float8 logit = column(in.opacities, index, 1, 0);
+  const Float8 logit = load8(in.opacities);
   const Float8 e = exp_of_negative<Float8, Int8>(logit > 0.0f ? -logit : logit), more = 1.0f / (1.0f + e);
   p.opacity = logit > 0.0f ? more : e * more;
   p.hidden_part = logit > 0.0f ? e * more : more;
@@ -176,14 +197,15 @@ struct Shade {
   alignas(32) float colour[3][kEight];  ///< before the limit at 0
 };
 
-inline void shade(const SplatArrays& in, int count, const std::int32_t* index, const Float8* offset, Shade& out) {
+/// @param rows [here,count,3]
+inline void shade(const float* rows, int count, int here, const Float8* offset, Shade& out) {
   out.distance = sqrt8(dot3(offset, offset));
   for (int d = 0; d < 3; ++d) out.direction[d] = offset[d] / out.distance;
   Float8 basis[kMaxHarmonics];
   harmonics(out.direction, count, basis);
   std::memcpy(out.basis, basis, static_cast<std::size_t>(count) * sizeof(Float8));
-  for (int i = 0; i < kEight; ++i) {
-    const float* h = in.harmonics + static_cast<std::int64_t>(index[i]) * 3 * count;
+  for (int i = 0; i < here; ++i) {
+    const float* h = rows + 3 * count * i;
     float sum[3] = {0.5f, 0.5f, 0.5f};
     for (int k = 0; k < count; ++k) {
       for (int c = 0; c < 3; ++c) sum[c] += out.basis[k][i] * h[3 * k + c];
@@ -221,13 +243,12 @@ inline void pixel_range(Float8 centre, Float8 extent, int size, Int8& first, Int
 }  // namespace
 
 void project_splats(const SplatArrays& splats, const SplatCamera& camera, std::int64_t begin, std::int64_t end,
-                    SplatRecord* records, std::uint32_t* keys) {
+                    SplatRecord* records) {
   for (std::int64_t n = begin; n < end; n += kEight) {
-    std::int32_t index[kEight];
     const int here = static_cast<int>(end - n < kEight ? end - n : kEight);
-    for (int i = 0; i < kEight; ++i) index[i] = static_cast<std::int32_t>(n + (i < here ? i : here - 1));
+    const Block block(splats, n, here);
     Projected p;
-    project(splats, camera, index, p);
+    project(block, camera, p);
     const Float8 u = __builtin_convertvector(p.u, Float8), v = __builtin_convertvector(p.v, Float8);
     const Float8 log_opacity = log2_8(max8(p.opacity, eight(1e-30f))), room = log_opacity + kLog2Of255;
     const Float8 reach = max8(room, Float8{}) * (2.0f * kLn2);
@@ -240,16 +261,16 @@ void project_splats(const SplatArrays& splats, const SplatCamera& camera, std::i
                    (v < kBeyond) & (v > -kBeyond) & (p.a11 < 1e15f) & (p.a22 < 1e15f) & (p.determinant < 1e30f) &
                    (x1 >= x0) & (y1 >= y0);
     if (splats.normals) {
-      Float8 away{};
-      for (int d = 0; d < 3; ++d) away += p.offset[d] * column(splats.normals, index, 3, d);
-      visible &= away <= 0.0f;
+      Float8 normal[3];
+      load_rows3(block.normals, normal);
+      visible &= dot3(p.offset, normal) <= 0.0f;
     }
     bool any = false;
     for (int i = 0; i < here; ++i) any |= visible[i] != 0;
-    for (int i = 0; i < here; ++i) keys[n + i] = kHiddenSplat;
+    for (int i = 0; i < here; ++i) records[n + i].key = kHiddenSplat;
     if (!any) continue;
     Shade shading;
-    shade(splats, camera.harmonics, index, p.offset, shading);
+    shade(splats.harmonics + 3 * camera.harmonics * n, camera.harmonics, here, p.offset, shading);
     const Factors f = factors(p);
     const Float8 pixel_x = floor_of(p.u), pixel_y = floor_of(p.v);
     const Float8 x = __builtin_convertvector(p.u - __builtin_convertvector(pixel_x, Double8), Float8);
@@ -272,10 +293,9 @@ void project_splats(const SplatArrays& splats, const SplatCamera& camera, std::i
       r.x1 = static_cast<std::int16_t>(x1[i]);
       r.y0 = static_cast<std::int16_t>(y0[i]);
       r.y1 = static_cast<std::int16_t>(y1[i]);
-      r.index = static_cast<std::int32_t>(n + i);
       r.inverse_a = 1.0f / f.a[i];
       const float distance = square[i];
-      std::memcpy(&keys[n + i], &distance, sizeof distance);
+      std::memcpy(&r.key, &distance, sizeof distance);
     }
   }
 }
@@ -289,24 +309,30 @@ struct Total {
   Float8 g, gs, gr, gss, gsr, grr, colour[3], depth;
 };
 
-inline Total total_of(const SplatSums* sums, const std::int32_t* first, std::int64_t k, int here) {
-  alignas(64) float rows[kEight][16] = {};
+inline Total total_of(const SplatSums* sums, const SplatPlaces& at, std::int64_t n, int here) {
+  Float8 low[kEight] = {}, high[kEight] = {}, part[kEight];
   for (int i = 0; i < here; ++i) {
-    Float8 low{}, high{};
-    for (std::int32_t slot = first[k + i]; slot < first[k + i + 1]; ++slot) {
+    for (std::int32_t copy = at.first[n + i]; copy < at.first[n + i + 1]; ++copy) {
       Float8 row[2];
-      std::memcpy(row, &sums[slot], sizeof row);
-      low += row[0];
-      high += row[1];
+      std::memcpy(row, &sums[at.places[copy]], sizeof row);
+      low[i] += row[0];
+      high[i] += row[1];
     }
-    store8(rows[i], low);
-    store8(rows[i] + kEight, high);
   }
-  Float8 part[10];
-  for (int j = 0; j < 10; ++j) {
-    for (int i = 0; i < kEight; ++i) part[j][i] = rows[i][j];
+  transpose8(low, part);
+  Total t{part[0], part[1], part[2], part[3], part[4], part[5], {part[6], part[7], {}}, {}};
+  for (int i = 0; i < kEight; ++i) {
+    t.colour[2][i] = high[i][0];
+    t.depth[i] = high[i][1];
   }
-  return {part[0], part[1], part[2], part[3], part[4], part[5], {part[6], part[7], part[8]}, part[9]};
+  return t;
+}
+
+/// Asks for the sums of the next eight Gaussians, which lie anywhere in memory.
+inline void fetch_sums(const SplatSums* sums, const SplatPlaces& at, std::int64_t n, std::int64_t end) {
+  const std::int64_t last = end < n + kEight ? end : n + kEight;
+  if (n >= last) return;
+  for (std::int32_t copy = at.first[n]; copy < at.first[last]; ++copy) __builtin_prefetch(sums + at.places[copy]);
 }
 
 struct ProjectedGradient {
@@ -376,20 +402,20 @@ inline void position_gradient(const SplatCamera& camera, const Projected& p, con
 }
 
 /// Gradient of the colours to the harmonics, which are written, and to the position, which is added to.
-inline void colour_gradient(const SplatArrays& in, int count, const std::int32_t* index, int here, const Projected& p,
-                            const Total& t, float* to_harmonics, ProjectedGradient& out) {
+/// @param rows [here,count,3] @param first [here+1] of the places @param to_rows as `rows`
+inline void colour_gradient(const float* rows, int count, const std::int32_t* first, int here, const Projected& p, const Total& t, float* to_rows,
+                            ProjectedGradient& out) {
   Shade shading;
-  shade(in, count, index, p.offset, shading);
+  shade(rows, count, here, p.offset, shading);
   Float8 through[kMaxHarmonics] = {};  // sum_c gradient_c h_kc
   for (int i = 0; i < here; ++i) {
-    const std::int64_t row = static_cast<std::int64_t>(index[i]) * 3 * count;
+    if (first[i] == first[i + 1]) continue;
     float g[3];
     for (int c = 0; c < 3; ++c) g[c] = shading.colour[c][i] > 0.0f ? t.colour[c][i] : 0.0f;
     for (int k = 0; k < count; ++k) {
-      const float* h = in.harmonics + row + 3 * k;
-      through[k][i] = g[0] * h[0] + g[1] * h[1] + g[2] * h[2];
-      if (!to_harmonics) continue;
-      for (int c = 0; c < 3; ++c) to_harmonics[row + 3 * k + c] += shading.basis[k][i] * g[c];
+      const int at = 3 * (count * i + k);
+      through[k][i] = g[0] * rows[at] + g[1] * rows[at + 1] + g[2] * rows[at + 2];
+      for (int c = 0; c < 3; ++c) to_rows[at + c] += shading.basis[k][i] * g[c];
     }
   }
   if (count == 1) return;
@@ -401,36 +427,38 @@ inline void colour_gradient(const SplatArrays& in, int count, const std::int32_t
   }
 }
 
-inline void add_rows(const Float8* values, int columns, const std::int32_t* index, int here, float* out) {
-  if (!out) return;
+/// Adds to the rows of the Gaussians that are drawn: what the others hold may not be a number.
+inline void add_rows(const Float8* values, int columns, const std::int32_t* first, int here, float* out) {
   for (int i = 0; i < here; ++i) {
-    for (int d = 0; d < columns; ++d) out[static_cast<std::int64_t>(index[i]) * columns + d] += values[d][i];
+    if (first[i] == first[i + 1]) continue;
+    for (int d = 0; d < columns; ++d) out[i * columns + d] += values[d][i];
   }
 }
 
 }  // namespace
 
-void project_splats_backward(const SplatArrays& splats, const SplatCamera& camera, const SplatRecord* records,
-                             const std::int32_t* first, const SplatSums* sums, std::int64_t begin, std::int64_t end,
-                             const SplatGradients& out) {
-  for (std::int64_t k = begin; k < end; k += kEight) {
-    std::int32_t index[kEight];
-    const int here = static_cast<int>(end - k < kEight ? end - k : kEight);
-    for (int i = 0; i < kEight; ++i) index[i] = records[k + (i < here ? i : here - 1)].index;
-    const Total total = total_of(sums, first, k, here);
+void project_splats_backward(const SplatArrays& splats, const SplatCamera& camera, const SplatPlaces& at,
+                             const SplatSums* sums, std::int64_t begin, std::int64_t end, const SplatGradients& out) {
+  const int count = camera.harmonics;
+  for (std::int64_t n = begin; n < end; n += kEight) {
+    const int here = static_cast<int>(end - n < kEight ? end - n : kEight);
+    const std::int32_t* first = at.first + n;
+    if (first[0] == first[here]) continue;
+    fetch_sums(sums, at, n + kEight, end);
+    const Total total = total_of(sums, at, n, here);
     Projected p;
-    project(splats, camera, index, p);
+    project(Block(splats, n, here), camera, p);
     ProjectedGradient gradient;
     Float8 to_jacobian[2][3], to_axes[3][3];
     covariance_gradient(p, total, to_jacobian, to_axes);
     axes_gradient(p, to_axes, gradient);
     position_gradient(camera, p, total, to_jacobian, gradient);
-    colour_gradient(splats, camera.harmonics, index, here, p, total, out.harmonics, gradient);
+    colour_gradient(splats.harmonics + 3 * count * n, count, first, here, p, total, out.harmonics + 3 * count * n, gradient);
     const Float8 to_logit = total.g * p.hidden_part;
-    add_rows(gradient.position, 3, index, here, out.positions);
-    add_rows(gradient.quaternion, 4, index, here, out.rotations);
-    add_rows(gradient.log_scale, 3, index, here, out.log_scales);
-    add_rows(&to_logit, 1, index, here, out.opacities);
+    add_rows(gradient.position, 3, first, here, out.positions + 3 * n);
+    add_rows(gradient.quaternion, 4, first, here, out.rotations + 4 * n);
+    add_rows(gradient.log_scale, 3, first, here, out.log_scales + 3 * n);
+    add_rows(&to_logit, 1, first, here, out.opacities + n);
   }
 }
 

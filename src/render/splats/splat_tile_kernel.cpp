@@ -7,69 +7,92 @@ namespace {
 constexpr float kThreshold = -7.99435344f;  // log2(1/255)
 constexpr float kMostAlpha = 0.99f, kLeastTransmittance = 1e-4f;
 constexpr int kStride = SplatScratch::kStride;
-constexpr int kRunsAtOnce = 1024;
-
-using Run = SplatScratch::Run;
 
 inline Float8 lane_numbers8() { return Float8{0, 1, 2, 3, 4, 5, 6, 7}; }
 
 // --- runs of eight pixels --------------------------------------------------------------------------------------------
 
-/// The rows of a Gaussian in a tile, eight at a time: first and last pixel where the exponent reaches the threshold.
+/// Eight rows of a Gaussian in a tile: the first pixel where the exponent may reach the threshold, and what a run holds.
 struct Rows {
-  alignas(32) std::int32_t first[kEight], count[kEight];  ///< count of runs
-  alignas(32) float s[kEight], exponent[kEight], r[kEight];
+  Int8 first, count;  ///< count of runs
+  Float8 s, exponent, r;
 };
 
-inline void find_rows(const SplatRecord& g, const SplatTile& tile, float y, Rows& rows) {
-  const Float8 dy = lane_numbers8() + (y - g.y);
-  const Float8 r = g.c * dy, along = g.b * dy, exponent = g.log_opacity - r * r;
-  const Float8 room = exponent - kThreshold, half = sqrt8(max8(room, Float8{}));
-  // Pixel x of the tile has dx = x + shift. A margin of .01 keeps pixels that rounding would drop.
-  const float shift = static_cast<float>(tile.x0 - g.pixel_x) + (0.5f - g.x);
+inline Rows find_rows(const SplatRecord& g, float shift, float width, float y) {
+  Rows rows;
+  const Float8 dy = lane_numbers8() + y, along = g.b * dy;
+  rows.r = g.c * dy;
+  rows.exponent = g.log_opacity - rows.r * rows.r;
+  const Float8 room = rows.exponent - kThreshold, half = sqrt8(max8(room, Float8{}));
   const Float8 left = (-along - half) * g.inverse_a - shift, right = (half - along) * g.inverse_a - shift;
-  const float width = static_cast<float>(tile.x1 - tile.x0);
-  const Int8 first = __builtin_convertvector(min8(max8(left, eight(-0.99f)) + 0.99f, eight(width)), Int8);
+  // A margin of .01 keeps pixels that rounding would drop.
+  rows.first = __builtin_convertvector(min8(max8(left, eight(-0.99f)) + 0.99f, eight(width)), Int8);
   const Int8 end = __builtin_convertvector(min8(max8(right, eight(-1.0f)) + 1.01f, eight(width)), Int8);
-  const Int8 visible = (room >= 0.0f) & (end > first);
-  const Int8 count = visible & ((end - first + (kEight - 1)) >> 3);
-  const Float8 s = g.a * (__builtin_convertvector(first, Float8) + shift) + along;
-  std::memcpy(rows.first, &first, sizeof first);
-  std::memcpy(rows.count, &count, sizeof count);
-  store8(rows.s, s);
-  store8(rows.exponent, exponent);
-  store8(rows.r, r);
+  rows.count = (room >= 0.0f) & ((end - rows.first + (kEight - 1)) >> 3);
+  rows.s = g.a * (__builtin_convertvector(rows.first, Float8) + shift) + along;
+  return rows;
 }
 
-/// Writes the runs of a Gaussian to `runs`. @return their number
-inline int find_runs(const SplatRecord& g, std::int32_t record, const SplatTile& tile, Run* runs) {
+/// For each set of lanes, given by its bits: their numbers in ascending order, then 0.
+struct LaneLists {
+  alignas(32) std::int32_t lanes[256][kEight];
+  constexpr LaneLists() : lanes{} {
+    for (int bits = 0; bits < 256; ++bits) {
+      int n = 0;
+      for (int lane = 0; lane < kEight; ++lane) {
+        if (bits >> lane & 1) lanes[bits][n++] = lane;
+      }
+    }
+  }
+};
+constexpr LaneLists kLaneLists;
+
+/// Stores the lanes of `bits` one after the other. Writes eight.
+template <typename V, typename T>
+inline void store_lanes(T* out, V v, Int8 lanes) {
+  const V packed = __builtin_shuffle(v, lanes);
+  std::memcpy(out, &packed, sizeof packed);
+}
+
+/// Adds the runs of a Gaussian behind the first n. @return their number
+inline int find_runs(const SplatTile& tile, std::int32_t number, SplatScratch& out, int n) {
+  const SplatRecord& g = tile.splats[number];
   const int top = (g.y0 > tile.y0 ? g.y0 : tile.y0) - tile.y0;
   const int bottom = (g.y1 < tile.y1 - 1 ? g.y1 : tile.y1 - 1) - tile.y0;
-  const float from_centre = static_cast<float>(tile.y0 - g.pixel_y) + 0.5f, step = kEight * g.a;
-  int n = 0;
+  // The most runs of a row, from whole numbers: a loop until no row has any would end at a hard guess for the processor.
+  const int left = g.x0 > tile.x0 ? g.x0 : tile.x0, right = g.x1 < tile.x1 - 1 ? g.x1 : tile.x1 - 1;
+  const int columns = (right - left + kEight) >> 3;
+  // Pixel x of the tile has dx = x + shift.
+  const float shift = static_cast<float>(tile.x0 - g.pixel_x) + (0.5f - g.x);
+  const float from_centre = static_cast<float>(tile.y0 - g.pixel_y) + (0.5f - g.y);
+  const auto width = static_cast<float>(tile.x1 - tile.x0);
+  const Int8 splat = number - Int8{}, numbers{0, 1, 2, 3, 4, 5, 6, 7};
+  const float step = kEight * g.a;
   for (int row = top; row <= bottom; row += kEight) {
-    Rows rows;
-    find_rows(g, tile, static_cast<float>(row) + from_centre, rows);
-    const int here = bottom - row + 1 < kEight ? bottom - row + 1 : kEight;
-    for (int i = 0; i < here; ++i) {
-      std::int32_t at = (row + i) * kStride + rows.first[i];
-      float s = rows.s[i];
-      runs[n] = {at, record, s, rows.exponent[i], rows.r[i]};
-      n += rows.count[i] > 0;
-      for (int k = 1; k < rows.count[i]; ++k) {
-        at += kEight;
-        s += step;
-        runs[n++] = {at, record, s, rows.exponent[i], rows.r[i]};
-      }
+    Rows rows = find_rows(g, shift, width, static_cast<float>(row) + from_centre);
+    rows.count &= numbers < bottom - row + 1;
+    Int8 at = rows.first + (row * kStride + kStride * numbers);
+    for (int k = 0; k < columns; ++k) {
+      const unsigned bits = bits8(rows.count > k);
+      Int8 lanes;
+      std::memcpy(&lanes, kLaneLists.lanes[bits], sizeof lanes);
+      std::memcpy(out.splat + n, &splat, sizeof splat);
+      store_lanes(out.at + n, at, lanes);
+      store_lanes(out.s + n, rows.s, lanes);
+      store_lanes(out.exponent + n, rows.exponent, lanes);
+      store_lanes(out.r + n, rows.r, lanes);
+      n += __builtin_popcount(bits);
+      at += kEight;
+      rows.s += step;
     }
   }
   return n;
 }
 
-/// Alpha of the pixels of a run, 0 below the threshold.
-inline Float8 alpha_of(const Run& run, Float8 s) {
-  const Float8 e = run.exponent - s * s;
-  return where8(e >= kThreshold, exp2_8(e));
+/// Alpha of eight pixels, 0 below the threshold. @param s a dx + b dy
+inline Float8 alpha_of(float exponent, Float8 s) {
+  const Float8 e = exponent - s * s;
+  return min8(where8(e >= kThreshold, exp2_8(e)), eight(kMostAlpha));
 }
 
 inline void fill(float* plane, float value) {
@@ -79,19 +102,24 @@ inline void fill(float* plane, float value) {
 // --- forward ---------------------------------------------------------------------------------------------------------
 
 template <bool kDepth>
-inline void blend(const SplatRecord* records, const Run* runs, int count, SplatScratch& scratch) {
+inline void blend(const SplatRecord* splats, int count, SplatScratch& scratch) {
   auto& planes = scratch.planes;
+  const auto alpha_of_run = [&](int i) {
+    return alpha_of(scratch.exponent[i], splats[scratch.splat[i]].a * lane_numbers8() + scratch.s[i]);
+  };
+  // The alpha of the next run beside the blending of this one: the processor waits less.
+  scratch.splat[count] = 0;
+  Float8 next = alpha_of_run(0);
   for (int i = 0; i < count; ++i) {
-    const Run& run = runs[i];
-    const SplatRecord& g = records[run.record];
-    const Float8 alpha = min8(alpha_of(run, g.a * lane_numbers8() + run.s), eight(kMostAlpha));
-    const Float8 through = load8(planes[0] + run.at);
+    const SplatRecord& g = splats[scratch.splat[i]];
+    const std::int32_t at = scratch.at[i];
+    const Float8 alpha = next;
+    next = alpha_of_run(i + 1);
+    const Float8 through = load8(planes[0] + at);
     const Float8 weight = where8(through >= kLeastTransmittance, alpha * through);
-    store8(planes[0] + run.at, through - weight);
-    for (int c = 0; c < 3; ++c) {
-      store8(planes[1 + c] + run.at, load8(planes[1 + c] + run.at) + weight * g.colour[c]);
-    }
-    if (kDepth) store8(planes[4] + run.at, load8(planes[4] + run.at) + weight * g.depth);
+    store8(planes[0] + at, through - weight);
+    for (int c = 0; c < 3; ++c) store8(planes[1 + c] + at, load8(planes[1 + c] + at) + weight * g.colour[c]);
+    if (kDepth) store8(planes[4] + at, load8(planes[4] + at) + weight * g.depth);
   }
 }
 
@@ -101,18 +129,28 @@ void draw(const SplatTile& tile, SplatScratch& scratch) {
   for (int k = 1; k < (kDepth ? 5 : 4); ++k) fill(scratch.planes[k], 0.0f);
   int count = 0;
   for (std::int64_t i = 0; i < tile.count; ++i) {
-    const std::int32_t record = tile.pairs[i].record;
-    count += find_runs(tile.records[record], record, tile, scratch.runs + count);
-    if (count < kRunsAtOnce) continue;
-    blend<kDepth>(tile.records, scratch.runs, count, scratch);
+    count = find_runs(tile, static_cast<std::int32_t>(i), scratch, count);
+    if (count < SplatScratch::kRunsAtOnce) continue;
+    blend<kDepth>(tile.splats, count, scratch);
     count = 0;
   }
-  blend<kDepth>(tile.records, scratch.runs, count, scratch);
+  blend<kDepth>(tile.splats, count, scratch);
+}
+
+void clear(const SplatTile& tile, const SplatPlanes& image) {
+  const auto columns = static_cast<std::size_t>(tile.x1 - tile.x0);
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    const std::int64_t out = y * tile.width + tile.x0;
+    std::memset(image.colour + 3 * out, 0, 3 * columns * sizeof(float));
+    std::memset(image.alpha + out, 0, columns * sizeof(float));
+    if (image.depth) std::memset(image.depth + out, 0, columns * sizeof(float));
+  }
 }
 
 }  // namespace
 
 void draw_splat_tile(const SplatTile& tile, const SplatPlanes& image, SplatScratch& scratch) {
+  if (tile.count == 0) return clear(tile, image);
   if (image.depth) {
     draw<true>(tile, scratch);
   } else {
@@ -168,46 +206,43 @@ void load_upstream(const SplatTile& tile, const ConstSplatPlanes& image, const C
 
 /// Sums of a Gaussian over the pixels of its runs.
 template <bool kDepth>
-inline void gather(const SplatRecord& g, const Run* runs, int count, SplatScratch& scratch, SplatSums& out) {
+inline void gather(const SplatRecord& g, int begin, int end, SplatScratch& scratch, SplatSums& out) {
   auto& planes = scratch.planes;
   Float8 sum_g{}, sum_gs{}, sum_gr{}, sum_gss{}, sum_gsr{}, sum_grr{}, sum_colour[3]{}, sum_depth{};
   const Float8 lanes = g.a * lane_numbers8();
-  for (int i = 0; i < count; ++i) {
-    const Run& run = runs[i];
-    const Float8 s = lanes + run.s, unlimited = alpha_of(run, s), alpha = min8(unlimited, eight(kMostAlpha));
-    const Float8 through = load8(planes[kThrough] + run.at);
+  for (int i = begin; i < end; ++i) {
+    const std::int32_t at = scratch.at[i];
+    const float r = scratch.r[i];
+    const Float8 s = lanes + scratch.s[i], alpha = alpha_of(scratch.exponent[i], s);
+    const Float8 through = load8(planes[kThrough] + at);
     const Int8 open = through >= kLeastTransmittance;
     const Float8 weight = where8(open, alpha * through);
-    store8(planes[kThrough] + run.at, through - weight);
-    Float8 value = load8(planes[kAlpha] + run.at);
+    store8(planes[kThrough] + at, through - weight);
+    Float8 value = load8(planes[kAlpha] + at);
     for (int c = 0; c < 3; ++c) {
-      const Float8 upstream = load8(planes[kRed + c] + run.at);
+      const Float8 upstream = load8(planes[kRed + c] + at);
       value += g.colour[c] * upstream;
       sum_colour[c] += weight * upstream;
     }
     if (kDepth) {
-      const Float8 upstream = load8(planes[kDepthPlane] + run.at);
+      const Float8 upstream = load8(planes[kDepthPlane] + at);
       value += g.depth * upstream;
       sum_depth += weight * upstream;
     }
-    const Float8 rest = load8(planes[kRest] + run.at) - weight * value;
-    store8(planes[kRest] + run.at, rest);
+    const Float8 rest = load8(planes[kRest] + at) - weight * value;
+    store8(planes[kRest] + at, rest);
     const Float8 to_alpha = through * value - rest / (1.0f - alpha);
-    const Float8 to_exponent = where8(open & (unlimited < kMostAlpha), to_alpha * alpha), along = to_exponent * s;
+    const Float8 to_exponent = where8(open & (alpha < kMostAlpha), to_alpha * alpha), along = to_exponent * s;
     sum_g += to_exponent;
     sum_gs += along;
-    sum_gr += to_exponent * run.r;
+    sum_gr += to_exponent * r;
     sum_gss += along * s;
-    sum_gsr += along * run.r;
-    sum_grr += to_exponent * (run.r * run.r);
+    sum_gsr += along * r;
+    sum_grr += to_exponent * (r * r);
   }
-  out.g = sum8(sum_g);
-  out.gs = sum8(sum_gs);
-  out.gr = sum8(sum_gr);
-  out.gss = sum8(sum_gss);
-  out.gsr = sum8(sum_gsr);
-  out.grr = sum8(sum_grr);
-  for (int c = 0; c < 3; ++c) out.colour[c] = sum8(sum_colour[c]);
+  const Float8 low = sums8(sum_g, sum_gs, sum_gr, sum_gss, sum_gsr, sum_grr, sum_colour[0], sum_colour[1]);
+  std::memcpy(&out, &low, sizeof low);
+  out.colour[2] = sum8(sum_colour[2]);
   out.depth = kDepth ? sum8(sum_depth) : 0.0f;
 }
 
@@ -215,16 +250,26 @@ inline void gather(const SplatRecord& g, const Run* runs, int count, SplatScratc
 
 void draw_splat_tile_backward(const SplatTile& tile, const ConstSplatPlanes& image, const ConstSplatPlanes& upstream,
                               SplatScratch& scratch, SplatSums* sums) {
+  if (tile.count == 0) return;
   load_upstream(tile, image, upstream, scratch);
-  for (std::int64_t i = 0; i < tile.count; ++i) {
-    const SplatPair pair = tile.pairs[i];
-    const SplatRecord& g = tile.records[pair.record];
-    const int count = find_runs(g, pair.record, tile, scratch.runs);
-    if (upstream.depth) {
-      gather<true>(g, scratch.runs, count, scratch, sums[pair.slot]);
-    } else {
-      gather<false>(g, scratch.runs, count, scratch, sums[pair.slot]);
+  constexpr int kSplatsAtOnce = 64;
+  int end[kSplatsAtOnce];
+  for (std::int64_t begin = 0; begin < tile.count;) {
+    // The runs of several Gaussians first, so that the processor knows early how many each one has.
+    int count = 0, splats = 0;
+    for (; splats < kSplatsAtOnce && begin + splats < tile.count && count < SplatScratch::kRunsAtOnce; ++splats) {
+      count = find_runs(tile, static_cast<std::int32_t>(begin) + splats, scratch, count);
+      end[splats] = count;
     }
+    for (int i = 0, run = 0; i < splats; run = end[i++]) {
+      const SplatRecord& g = tile.splats[begin + i];
+      if (upstream.depth) {
+        gather<true>(g, run, end[i], scratch, sums[begin + i]);
+      } else {
+        gather<false>(g, run, end[i], scratch, sums[begin + i]);
+      }
+    }
+    begin += splats;
   }
 }
 
