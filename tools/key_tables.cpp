@@ -14,6 +14,7 @@
 #include "doppel/train/def_net_stage.h"
 #include "doppel/train/delta_net_stage.h"
 #include "doppel/train/egnet_config.h"
+#include "doppel/train/gaussian_stage.h"
 #include "doppel/train/hybrid_stage.h"
 #include "doppel/train/lighting_stage.h"
 #include "doppel/train/nerf_stage.h"
@@ -64,6 +65,7 @@ constexpr NamedRows kTables[] = {{"livecap", [] { return key_rows<LivecapConfig>
                                  {"lighting", stage_rows<LightingRunConfig>},
                                  {"deltanet", stage_rows<DeltaNetRunConfig>},
                                  {"texnet", stage_rows<TexNetRunConfig>},
+                                 {"gaussians", stage_rows<GaussiansRunConfig>},
                                  {"posenet", stage_rows<PoseNetRunConfig>},
                                  {"defnet", stage_rows<DefNetRunConfig>},
                                  {"radiance", stage_rows<HybridRunConfig>},

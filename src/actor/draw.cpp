@@ -28,4 +28,10 @@ SupersampledImage draw_filmed(const RenderMesh& mesh, const torch::Tensor& verti
                              RenderMode::colour, samples, options);
 }
 
+SplatImage draw_gaussians(TrainedActor& actor, const torch::Tensor& dof_window, const torch::Tensor& projection,
+                          const torch::Tensor& vertices, std::int64_t height, std::int64_t width) {
+  const torch::NoGradGuard no_grad;
+  return draw_splats(actor.splats(dof_window, projection, vertices), projection.unsqueeze(1), height, width);
+}
+
 }  // namespace doppel

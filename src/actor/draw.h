@@ -31,4 +31,10 @@ ShadedImage draw(const RenderMesh& mesh, const torch::Tensor& vertices, const Ap
 SupersampledImage draw_filmed(const RenderMesh& mesh, const torch::Tensor& vertices, const Appearance& appearance,
                               const torch::Tensor& projection, std::int64_t height, std::int64_t width, int samples);
 
+/// Draws the Gaussians of an actor over black. @pre `actor.gaussians` is not null
+/// @param dof_window [B,F+1,D] @param projection [B,3,4] pixels from world metres @param vertices [B,N,3]
+/// `actor.fine(dof_window)` @return images [B,1,H,W,...]
+SplatImage draw_gaussians(TrainedActor& actor, const torch::Tensor& dof_window, const torch::Tensor& projection,
+                          const torch::Tensor& vertices, std::int64_t height, std::int64_t width);
+
 }  // namespace doppel

@@ -9,7 +9,7 @@ namespace doppel {
 namespace fs = std::filesystem;
 
 const std::vector<std::string>& ddc_stages() {
-  static const std::vector<std::string> stages{"egnet", "lighting", "deltanet", "texnet"};
+  static const std::vector<std::string> stages{"egnet", "lighting", "deltanet", "texnet", "gaussians"};
   return stages;
 }
 

@@ -9,6 +9,7 @@
 #include "doppel/core/tensor/reference_scope.h"
 #include "doppel/data/capture/capture.h"
 #include "doppel/data/dataset/loader.h"
+#include "doppel/render/mesh/face_tensor.h"
 #include "doppel/render/projection.h"
 
 namespace doppel {
@@ -51,6 +52,13 @@ void load_tex_net(TrainedActor& actor, const StoredStage& stage) {
   load_evaluation_weights(*actor.texnet, stage.checkpoint);
 }
 
+void load_gaussians(TrainedActor& actor, const StoredStage& stage) {
+  const GaussiansConfig config = read_options<GaussiansConfig>(stage.config.root().section("model"));
+  actor.splat_space = std::make_shared<TextureSpace>(*actor.mesh, config.size);
+  actor.gaussians = make_gaussians(actor, *actor.splat_space, config, at::detail::createCPUGenerator(0));
+  load_evaluation_weights(*actor.gaussians, stage.checkpoint);
+}
+
 void load_radiance(TrainedActor& actor, const StoredStage& stage) {
   const ConfigReader root = stage.config.root();
   actor.hybrid = Hybrid(actor.character, actor.deltanet, read_options<HybridConfig>(root.section("model")));
@@ -76,11 +84,9 @@ struct ActorPart {
   const char* stage;
   void (*load)(TrainedActor& actor, const StoredStage& stage);
 };
-constexpr ActorPart kActorParts[] = {{"lighting", load_lighting},
-                                     {"deltanet", load_delta_net},
-                                     {"texnet", load_tex_net},
-                                     {"radiance", load_radiance},
-                                     {"nerf", load_nerf}};
+constexpr ActorPart kActorParts[] = {{"lighting", load_lighting}, {"deltanet", load_delta_net},
+                                     {"texnet", load_tex_net},    {"gaussians", load_gaussians},
+                                     {"radiance", load_radiance}, {"nerf", load_nerf}};
 
 /// For frames one by one. The weights of a loaded actor do not change.
 void freeze_networks(TrainedActor& actor) {
@@ -129,6 +135,7 @@ int TrainedActor::past_frames() const {
   int longest = egnet->config().history();
   if (deltanet) longest = std::max(longest, deltanet->config().past_frames);
   if (texnet) longest = std::max(longest, texnet->config().past_frames);
+  if (gaussians) longest = std::max(longest, gaussians->config().past_frames);
   if (hybrid) longest = std::max(longest, hybrid->config().motion.past_frames);
   return longest;
 }
@@ -180,6 +187,15 @@ torch::Tensor TrainedActor::texture(const torch::Tensor& dof_window, const torch
   return texnet->forward(texture_input(*this, *texture_space, texnet->config(), dof_window, projection, vertices));
 }
 
+Splats TrainedActor::splats(const torch::Tensor& dof_window, const torch::Tensor& projection,
+                            const torch::Tensor& vertices) {
+  torch::NoGradGuard no_grad;
+  const GaussiansConfig& config = gaussians->config();
+  std::optional<TexNetInput> maps;
+  if (config.network) maps = texture_input(*this, *splat_space, config.maps(), dof_window, projection, vertices);
+  return gaussians->forward(surface_frames(vertices, *mesh, gaussians->points()), maps);
+}
+
 std::string TrainedActor::digest() const {
   std::string text = fmt::format("egnet {:08x}", weights_checksum(*egnet));
   if (lighting) text += fmt::format(" lighting {:08x}", weights_checksum(*lighting));
@@ -223,6 +239,20 @@ SampleId nerf_frame(const Dataset& dataset, Split split, const std::vector<long>
   return samples.front();
 }
 
+namespace {
+
+/// The lighting that the trained cameras share, [3,9]. @param stage that needs it, for the message
+torch::Tensor shared_lighting(const TrainedActor& actor, const char* stage) {
+  if (!actor.lighting)
+    fail<UsageError>(
+        "{}: model.lit is true and the stage `lighting` has not been trained; train it first, or set model.lit to "
+        "false",
+        stage);
+  return actor.lighting->mean().squeeze(0);
+}
+
+}  // namespace
+
 TexNet make_tex_net(const TrainedActor& actor, const TexNetConfig& config, at::Generator generator) {
   if (!actor.mesh->has_uvs()) actor.require_texture("texnet");
   torch::Tensor base, light;
@@ -230,14 +260,16 @@ TexNet make_tex_net(const TrainedActor& actor, const TexNetConfig& config, at::G
     actor.require_texture("texnet with model.residual");
     base = resized(actor.static_texture, config.texture_size());
   }
-  if (config.lit) {
-    if (!actor.lighting)
-      fail<UsageError>(
-          "texnet: model.lit is true and the stage `lighting` has not been trained; train it first, or set "
-          "model.lit to false");
-    light = actor.lighting->mean().squeeze(0);
-  }
+  if (config.lit) light = shared_lighting(actor, "texnet");
   return TexNet(config, base, light, generator);
+}
+
+Gaussians make_gaussians(const TrainedActor& actor, const TextureSpace& space, const GaussiansConfig& config,
+                         at::Generator generator) {
+  actor.require_texture("gaussians");
+  const torch::Tensor vertices = vertex_tensor(actor.character.mesh.vertices).view({-1, 3});
+  return Gaussians(config, gaussian_texels(vertices, space, actor.static_texture),
+                   config.lit ? shared_lighting(actor, "gaussians") : torch::Tensor(), generator);
 }
 
 }  // namespace doppel

@@ -17,6 +17,7 @@
 #include "doppel/nets/delta_net.h"
 #include "doppel/nets/egnet.h"
 #include "doppel/nets/field_view.h"
+#include "doppel/nets/gaussians.h"
 #include "doppel/nets/hybrid.h"
 #include "doppel/nets/lighting.h"
 #include "doppel/nets/plain_field.h"
@@ -27,12 +28,12 @@
 namespace doppel {
 
 /// An actor loaded from a run, with all networks trained so far (chapter 6): EGNet, lighting, DeltaNet, TexNet, the
-/// hybrid and the radiance field without a mesh. A network is null if it was not trained, or if `load` left it out. All
-/// values come from the checkpoint to use of each stage (`find_stage`). The weights are the running mean of the weights
-/// if the run kept one, otherwise the weights of the last step. With EGNet's `recalibrate_norm`, the statistics of its
-/// batch normalisation were recomputed for these weights. Networks are in evaluation mode, and their weights do not
-/// require gradients and must not change: for one frame, EGNet and DeltaNet run a copy of them (SagcnImpl::freeze), in
-/// the format that `inference_weights()` names.
+/// Gaussians, the hybrid and the radiance field without a mesh. A network is null if it was not trained, or if `load`
+/// left it out. All values come from the checkpoint to use of each stage (`find_stage`). The weights are the running
+/// mean of the weights if the run kept one, otherwise the weights of the last step. With EGNet's `recalibrate_norm`,
+/// the statistics of its batch normalisation were recomputed for these weights. Networks are in evaluation mode, and
+/// their weights do not require gradients and must not change: for one frame, EGNet and DeltaNet run a copy of them
+/// (SagcnImpl::freeze), in the format that `inference_weights()` names.
 ///
 /// Letters: B batch, F past frames, D DoFs, K graph nodes, N vertices, T texels along a side of the dynamic texture. A
 /// `dof_window` is a motion window [B,F+1,D]: float32 DoFs as in a motion file, oldest first; the last row is the pose
@@ -49,11 +50,13 @@ struct TrainedActor {
   Lighting lighting{nullptr};                   ///< null: not loaded
   DeltaNet deltanet{nullptr};                   ///< null: not loaded
   TexNet texnet{nullptr};                       ///< null: not loaded
+  Gaussians gaussians{nullptr};                 ///< null: not loaded
   Hybrid hybrid{nullptr};                       ///< null: not loaded
   PlainField nerf{nullptr};                     ///< null: not loaded. It represents the frame `nerf_frame` only.
   std::optional<SampleId> nerf_frame;           ///< nothing without `nerf`
   std::shared_ptr<RenderMesh> mesh;             ///< the template's faces and UVs; never null after `load`
   std::shared_ptr<TextureSpace> texture_space;  ///< of TexNet's size; null without TexNet
+  std::shared_ptr<TextureSpace> splat_space;    ///< of the Gaussians' size; null without them
   std::shared_ptr<FieldViewer> field_viewer;    ///< null without the hybrid
   FieldImageOptions field_image;                ///< samples per ray as in the hybrid's training
   int field_stencil = 9;                        ///< pixels, as in the hybrid's training (FieldRays)
@@ -104,6 +107,11 @@ struct TrainedActor {
   torch::Tensor texture(const torch::Tensor& dof_window, const torch::Tensor& projection,
                         const torch::Tensor& vertices);
 
+  /// The Gaussians at the end of a motion window, as a camera sees them. @pre `gaussians` is not null
+  /// @param dof_window [B,F+1,D] @param projection [B,3,4] pixels from world metres @param vertices [B,N,3]
+  /// `fine(dof_window)`
+  Splats splats(const torch::Tensor& dof_window, const torch::Tensor& projection, const torch::Tensor& vertices);
+
   /// A digest of the weights of EGNet, lighting and DeltaNet, as far as they are loaded. Stages that use these networks
   /// store it as part of their identity.
   std::string digest() const;
@@ -135,5 +143,13 @@ SampleId nerf_frame(const Dataset& dataset, Split split, const std::vector<long>
 /// @throws UsageError when the template has no UVs, when config.residual is set and the template has no texture, or
 /// when config.lit is set and the lighting was not trained
 TexNet make_tex_net(const TrainedActor& actor, const TexNetConfig& config, at::Generator generator);
+
+/// Makes untrained Gaussians for an actor, with the colours of its static texture. With config.lit, these are under the
+/// actor's lighting, averaged over the trained cameras.
+/// @param space of the size config.size @param generator draws the initial weights
+/// @throws UsageError when the template has no UVs or no texture, or when config.lit is set and the lighting was not
+/// trained
+Gaussians make_gaussians(const TrainedActor& actor, const TextureSpace& space, const GaussiansConfig& config,
+                         at::Generator generator);
 
 }  // namespace doppel

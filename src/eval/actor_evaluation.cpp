@@ -93,6 +93,29 @@ RenderedImages surface_images(const ActorEvaluation& evaluation, Drawing drawing
   return RenderedImages{drawn.colour, drawn.mask, filmed, whole};
 }
 
+RenderedImages gaussian_images(const ActorEvaluation& evaluation, const ImageRequest& request) {
+  TrainedActor& actor = evaluation.actor;
+  const torch::Tensor window = dof_windows(evaluation, request.samples), vertices = actor.fine(window);
+  const auto draw_frame = [&actor, window, vertices](std::size_t b, const torch::Tensor& projection, int height,
+                                                     int width) {
+    const auto i = static_cast<std::int64_t>(b);
+    return draw_gaussians(actor, window.narrow(0, i, 1), projection, vertices.narrow(0, i, 1), height, width);
+  };
+  const SplatImage drawn =
+      draw_gaussians(actor, window, request.projection.select(1, 0), vertices, request.size, request.size);
+  RenderedImages images{drawn.colour, drawn.alpha > 0};
+  images.alpha = drawn.alpha;
+  images.filmed = [draw_frame, request](std::size_t b) {
+    const SplatImage image = draw_frame(b, request.filmed_projection(b)[0], request.sides[b], request.sides[b]);
+    return at::cat({image.colour, image.alpha.unsqueeze(-1)}, -1)[0][0];
+  };
+  images.whole = [draw_frame, camera = evaluation.dataset.camera(request.camera)](std::size_t b) {
+    const SplatImage image = draw_frame(b, projection_tensor({camera}), camera.height, camera.width);
+    return WholeDrawing{image.colour[0][0], image.alpha[0][0] > 0, image.alpha[0][0]};
+  };
+  return images;
+}
+
 /// The flicker of drawings along the surface that carries them.
 /// @param field the drawings are of the radiance field around the refined surface
 Json drawing_flicker(const ActorEvaluation& evaluation, const std::string& title, bool field,
@@ -121,6 +144,7 @@ Json evaluate_actor_surface(const ActorEvaluation& evaluation, const std::string
 Json evaluate_actor_drawing(const ActorEvaluation& evaluation, const std::string& title, Drawing drawing) {
   const bool field = drawing == Drawing::radiance || drawing == Drawing::nerf;
   const auto render = [&](const ImageRequest& request) {
+    if (drawing == Drawing::gaussians) return gaussian_images(evaluation, request);
     return field ? field_images(evaluation, drawing, request) : surface_images(evaluation, drawing, request);
   };
   Json row =

@@ -26,6 +26,7 @@ enum class Drawing {
   static_texture,   ///< the static texture, unlit
   lit,              ///< the same under the learnt lighting
   dynamic_texture,  ///< TexNet's texture
+  gaussians,        ///< the Gaussians on the surface
   radiance,         ///< the field around the mesh
   nerf,             ///< the field without a mesh
 };

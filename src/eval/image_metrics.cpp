@@ -175,7 +175,7 @@ RenderedImages checked(const RenderedImages& drawn, const ImageRequest& request)
         drawn.colour.defined() ? fmt::format("{}", fmt::join(drawn.colour.sizes(), ",")) : "",
         drawn.covered.defined() ? fmt::format("{}", fmt::join(drawn.covered.sizes(), ",")) : "");
   return {eight_bit_colours(drawn.colour).view({B, S, S, 3}), coverage_bytes(drawn.covered).view({B, S, S}),
-          drawn.filmed, drawn.whole};
+          drawn.filmed, drawn.whole, drawn.alpha.defined() ? drawn.alpha.view({B, S, S}) : torch::Tensor()};
 }
 
 /// The whole drawing as 8-bit RGB [H,W,3] and coverage 0 or 255 [H,W].
@@ -187,7 +187,7 @@ WholeDrawing checked_whole(const WholeDrawing& drawn, const PinholeCamera& camer
   if (!fits)
     fail<UsageError>("evaluation of images: a whole drawing must be float [{},{},3] with its coverage, found [{}]", H,
                      W, drawn.colour.defined() ? fmt::format("{}", fmt::join(drawn.colour.sizes(), ",")) : "");
-  return {eight_bit_colours(drawn.colour), coverage_bytes(drawn.covered)};
+  return {eight_bit_colours(drawn.colour), coverage_bytes(drawn.covered), drawn.alpha};
 }
 
 cv::Mat rgb_of(const cv::Mat& bgr) {
@@ -203,12 +203,25 @@ cv::Mat inside(const cv::Mat& image, const cv::Mat& mask) {
   return result;
 }
 
-/// @param true_person `ground_truth` inside `mask`
+/// A drawing over a background. @param alpha float32 [H,W], `drawn` is over black; undefined: 1 where covered
+cv::Mat drawn_over(const cv::Mat& drawn, const cv::Mat& covered, const torch::Tensor& alpha,
+                   const cv::Mat& background) {
+  cv::Mat over = background.clone();
+  if (!alpha.defined()) {
+    drawn.copyTo(over, covered);
+    return over;
+  }
+  const torch::Tensor sum =
+      bytes_of(drawn).to(torch::kFloat32) + (1.0 - alpha.unsqueeze(2)) * bytes_of(background).to(torch::kFloat32);
+  const torch::Tensor rounded = sum.round().clamp(0.0, 255.0).to(torch::kUInt8).contiguous();
+  return image_view(rounded).clone();
+}
+
+/// @param over `drawn` over the background @param true_person `ground_truth` inside `mask`
 PhotometricScores score(const cv::Mat& drawn, const cv::Mat& covered, const cv::Mat& ground_truth, const cv::Mat& mask,
-                        const cv::Mat& true_person, const cv::Mat& background) {
+                        const cv::Mat& true_person, const cv::Mat& over) {
   PhotometricScores scores;
-  cv::Mat over = background.clone(), missing = true_person.clone();
-  drawn.copyTo(over, covered);
+  cv::Mat missing = true_person.clone();
   scores.masked = compare_images(inside(inside(drawn, covered), mask), true_person);
   scores.full = compare_images(over, ground_truth);
   missing.setTo(cv::Scalar::all(0), covered);
@@ -245,7 +258,9 @@ class CameraComparison {
       const int size = dataset_.image_size();
       const cv::Mat colour = image_view(drawn.colour[i]), covered = image_view(drawn.covered[i]);
       PhotometricScores scores =
-          score(colour, covered, image, person, true_person, background_crop(studio_, box, size));
+          score(colour, covered, image, person, true_person,
+                drawn_over(colour, covered, drawn.alpha.defined() ? drawn.alpha[i] : torch::Tensor(),
+                           background_crop(studio_, box, size)));
       if (drawn.filmed)
         scores.filmed = compare_images(inside(filmed_image(drawn.filmed(b), studio_, box, size), person), true_person);
       if (options_.lpips) scores.LPIPS = options_.lpips->distance(inside(inside(colour, covered), person), true_person);
@@ -276,9 +291,7 @@ class CameraComparison {
     const cv::Mat filmed = rgb_of(whole_frames_->read(sequence, sample.frame));
     scores.whole = compare_images(inside(inside(colour, covered), mask), inside(filmed, mask));
     if (studio_.empty()) return;
-    cv::Mat over = rgb_of(studio_);
-    colour.copyTo(over, covered);
-    scores.whole_full = compare_images(over, filmed);
+    scores.whole_full = compare_images(drawn_over(colour, covered, drawing.alpha, rgb_of(studio_)), filmed);
   }
 
   const Dataset& dataset_;

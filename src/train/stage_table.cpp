@@ -9,8 +9,9 @@
 namespace doppel {
 
 const std::vector<StageEntry>& stage_table() {
-  static const std::vector<StageEntry> table{egnet_entry(),  lighting_entry(), delta_net_entry(), tex_net_entry(),
-                                             hybrid_entry(), nerf_entry(),     pose_net_entry(),  def_net_entry()};
+  static const std::vector<StageEntry> table{egnet_entry(),   lighting_entry(),  delta_net_entry(),
+                                             tex_net_entry(), gaussians_entry(), hybrid_entry(),
+                                             nerf_entry(),    pose_net_entry(),  def_net_entry()};
   return table;
 }
 

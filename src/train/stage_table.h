@@ -12,6 +12,7 @@ StageEntry egnet_entry();
 StageEntry lighting_entry();
 StageEntry delta_net_entry();
 StageEntry tex_net_entry();
+StageEntry gaussians_entry();
 StageEntry hybrid_entry();
 StageEntry nerf_entry();
 StageEntry pose_net_entry();

@@ -67,11 +67,11 @@ struct alignas(64) SplatScratch {
   static constexpr int kRunsAtOnce = 512, kMostRuns = kRunsAtOnce + kSplatTileHeight * (kSplatTileWidth / 8) + 8;
   float planes[8][kSplatTileHeight * kStride + 80];
   /// Up to eight pixels of a row of a Gaussian.
-  std::int32_t at[kMostRuns];      ///< the first pixel in the planes
-  std::int32_t splat[kMostRuns];   ///< its number in the tile
-  float s[kMostRuns];         ///< a dx + b dy at the first pixel
-  float exponent[kMostRuns];  ///< log_opacity - r^2
-  float r[kMostRuns];         ///< c dy
+  std::int32_t at[kMostRuns];     ///< the first pixel in the planes
+  std::int32_t splat[kMostRuns];  ///< its number in the tile
+  float s[kMostRuns];             ///< a dx + b dy at the first pixel
+  float exponent[kMostRuns];      ///< log_opacity - r^2
+  float r[kMostRuns];             ///< c dy
 };
 DOPPEL_DECLARE_KERNEL(void, draw_splat_tile, (const SplatTile& tile, const SplatPlanes& image, SplatScratch& scratch))
 
@@ -87,7 +87,8 @@ DOPPEL_DECLARE_KERNEL(void, draw_splat_tile_backward,
                       (const SplatTile& tile, const ConstSplatPlanes& image, const ConstSplatPlanes& upstream,
                        SplatScratch& scratch, SplatSums* sums))
 
-/// Where the sums are: those of Gaussian n at places[first[n]] to places[first[n+1]], one for each tile that it touches.
+/// Where the sums are: those of Gaussian n at places[first[n]] to places[first[n+1]], one for each tile that it
+/// touches.
 struct SplatPlaces {
   const std::int32_t *first, *places;
 };

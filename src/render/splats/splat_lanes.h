@@ -1,7 +1,7 @@
 #pragma once
 
-/// For kernel files only (see cpu_dispatch.h): eight lanes on every instruction set. A row of a Gaussian is seldom wider
-/// than eight pixels, so wider vectors would stay empty.
+/// For kernel files only (see cpu_dispatch.h): eight lanes on every instruction set. A row of a Gaussian is seldom
+/// wider than eight pixels, so wider vectors would stay empty.
 
 #include <cstdint>
 #include <cstring>
@@ -65,9 +65,12 @@ static inline Float8 sums8(Float8 a, Float8 b, Float8 c, Float8 d, Float8 e, Flo
 /// Columns of eight rows of three or four numbers, one after the other in memory.
 static inline void load_rows3(const float* rows, Float8* out) {
   const Float8 a = load8(rows), b = load8(rows + 8), c = load8(rows + 16);
-  out[0] = __builtin_shufflevector(__builtin_shufflevector(a, b, 0, 3, 6, 9, 12, 15, 0, 0), c, 0, 1, 2, 3, 4, 5, 10, 13);
-  out[1] = __builtin_shufflevector(__builtin_shufflevector(a, b, 1, 4, 7, 10, 13, 0, 0, 0), c, 0, 1, 2, 3, 4, 8, 11, 14);
-  out[2] = __builtin_shufflevector(__builtin_shufflevector(a, b, 2, 5, 8, 11, 14, 0, 0, 0), c, 0, 1, 2, 3, 4, 9, 12, 15);
+  out[0] =
+      __builtin_shufflevector(__builtin_shufflevector(a, b, 0, 3, 6, 9, 12, 15, 0, 0), c, 0, 1, 2, 3, 4, 5, 10, 13);
+  out[1] =
+      __builtin_shufflevector(__builtin_shufflevector(a, b, 1, 4, 7, 10, 13, 0, 0, 0), c, 0, 1, 2, 3, 4, 8, 11, 14);
+  out[2] =
+      __builtin_shufflevector(__builtin_shufflevector(a, b, 2, 5, 8, 11, 14, 0, 0, 0), c, 0, 1, 2, 3, 4, 9, 12, 15);
 }
 static inline void load_rows4(const float* rows, Float8* out) {
   const Float8 a = load8(rows), b = load8(rows + 8), c = load8(rows + 16), d = load8(rows + 24);

@@ -90,9 +90,9 @@ struct Scene {
 /// What the forward pass of one view leaves for the backward pass: tensors of the op's result.
 struct ViewState {
   static constexpr std::int64_t kTensors = 4;
-  Tensor first, offsets;           ///< int32 [N+1], [tiles+1]: count_copies
-  Tensor records;                  ///< uint8 [copies,64] SplatRecord, tile by tile
-  Tensor places;                   ///< int32 [copies]: TileSort
+  Tensor first, offsets;  ///< int32 [N+1], [tiles+1]: count_copies
+  Tensor records;         ///< uint8 [copies,64] SplatRecord, tile by tile
+  Tensor places;          ///< int32 [copies]: TileSort
 
   static ViewState from(const std::vector<Tensor>& tensors, std::int64_t view) {
     const Tensor* t = tensors.data() + kTensors * view;
@@ -142,8 +142,7 @@ ViewState project_view(const Scene& scene, std::int64_t view, Workspace& w) {
   out.records = rounded_empty(first[scene.count], sizeof(SplatRecord), torch::kUInt8);
   out.places = rounded_empty(first[scene.count], 1, torch::kInt32).view({-1});
   w.copies.resize(as_size(first[scene.count]));
-  fill_tiles(w.records, scene.grid, offsets, reinterpret_cast<SplatRecord*>(out.records.data_ptr()),
-             w.copies.data());
+  fill_tiles(w.records, scene.grid, offsets, reinterpret_cast<SplatRecord*>(out.records.data_ptr()), w.copies.data());
   return out;
 }
 
@@ -202,7 +201,8 @@ std::tuple<Tensor, Tensor, Tensor, Tensor, Tensor> draw_splats_backward_cpu(
   const Scene scene(positions, rotations, log_scales, opacities, harmonics, {}, projection, centre, colour.size(2),
                     colour.size(3), z_near);
   const std::int64_t views = scene.views();
-  TORCH_CHECK(states.size() == as_size(ViewState::kTensors * views), "doppel::draw_splats_backward: states of another image");
+  TORCH_CHECK(states.size() == as_size(ViewState::kTensors * views),
+              "doppel::draw_splats_backward: states of another image");
   const auto upstream_of = [](const OptionalTensor& t) {
     return t.has_value() ? t->contiguous() : torch::empty({0}, torch::kFloat32);
   };
@@ -252,7 +252,7 @@ class DrawSplats : public torch::autograd::Function<DrawSplats> {
     auto [colour, alpha, depth, states] =
         op.call(positions, rotations, log_scales, opacities, harmonics, normals, cameras.projection, cameras.centre,
                 height, width, options.z_near, options.depth, true);
-    variable_list saved{positions, rotations,         log_scales,     opacities, harmonics,
+    variable_list saved{positions, rotations,          log_scales,     opacities, harmonics,
                         colour,    cameras.projection, cameras.centre, alpha,     depth};
     saved.insert(saved.end(), states.begin(), states.end());
     context->save_for_backward(saved);
@@ -295,10 +295,9 @@ TORCH_LIBRARY_IMPL(doppel, CPU, m) {
 
 SplatImage fused(const Splats& s, const Cameras& cameras, std::int64_t height, std::int64_t width,
                  const SplatOptions& options) {
-  const bool gradient =
-      torch::GradMode::is_enabled() &&
-      (s.positions.requires_grad() || s.rotations.requires_grad() || s.log_scales.requires_grad() ||
-       s.opacities.requires_grad() || s.harmonics.requires_grad());
+  const bool gradient = torch::GradMode::is_enabled() &&
+                        (s.positions.requires_grad() || s.rotations.requires_grad() || s.log_scales.requires_grad() ||
+                         s.opacities.requires_grad() || s.harmonics.requires_grad());
   SplatImage out;
   if (gradient) {
     const variable_list images = DrawSplats::apply(s.positions, s.rotations, s.log_scales, s.opacities, s.harmonics,

@@ -16,12 +16,13 @@ struct TileGrid {
 };
 
 /// Counts the copies of N records, one for each tile that a record touches. Those with the key kHiddenSplat have none.
-/// @param first [N+1] record n has the copies first[n] to first[n+1] @param offsets [tiles+1] the first copy of each tile
+/// @param first [N+1] record n has the copies first[n] to first[n+1] @param offsets [tiles+1] the first copy of each
+/// tile
 void count_copies(const std::vector<kernels::SplatRecord>& records, const TileGrid& grid, std::int32_t* first,
                   std::int32_t* offsets);
 /// Copies the records to their tiles, in each tile in the order of their indices.
-/// @param out [copies] tile by tile @param copies [copies] the number of the copy at each place of `out`, counted record
-/// by record
+/// @param out [copies] tile by tile @param copies [copies] the number of the copy at each place of `out`, counted
+/// record by record
 void fill_tiles(const std::vector<kernels::SplatRecord>& records, const TileGrid& grid, const std::int32_t* offsets,
                 kernels::SplatRecord* out, std::int32_t* copies);
 

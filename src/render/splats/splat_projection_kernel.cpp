@@ -5,12 +5,12 @@
 namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
-constexpr float kBlur = 0.3f;           // square pixels
+constexpr float kBlur = 0.3f;  // square pixels
 constexpr float kLn2 = 0.693147181f;
 constexpr float kHalfLog2e = 0.721347520f;
 constexpr float kLog2Of255 = 7.99435344f;
-constexpr float kBeyond = 1048576.0f;   // pixels
-constexpr float kOutside = 0.15f;       // of the image, where J stays that of the limit
+constexpr float kBeyond = 1048576.0f;  // pixels
+constexpr float kOutside = 0.15f;      // of the image, where J stays that of the limit
 
 /// The parameters of eight Gaussians, one after the other; those of fewer are followed by zeros.
 struct Block {
@@ -38,17 +38,17 @@ struct Block {
 
 /// Eight Gaussians and what the projection makes of them.
 struct Projected {
-  Float8 offset[3];         ///< position - centre of the camera
-  Float8 quaternion[4];     ///< as given
-  Float8 length;            ///< of it
+  Float8 offset[3];      ///< position - centre of the camera
+  Float8 quaternion[4];  ///< as given
+  Float8 length;         ///< of it
   Float8 rotation[3][3];
   Float8 scale[3];
-  Float8 axes[3][3];        ///< rotation * diag(scale)
+  Float8 axes[3][3];  ///< rotation * diag(scale)
   Float8 depth;
   Double8 u, v;
-  Int8 free_u, free_v;      ///< the centre is within the limits of J
+  Int8 free_u, free_v;  ///< the centre is within the limits of J
   Float8 jacobian[2][3];
-  Float8 along[2][3];       ///< jacobian * axes
+  Float8 along[2][3];  ///< jacobian * axes
   Float8 a11, a12, a22, determinant;
   Float8 opacity, hidden_part;  ///< and 1 - opacity
 };
@@ -140,8 +140,8 @@ inline void project(const Block& in, const SplatCamera& camera, Projected& p) {
 
 constexpr float kC0 = 0.282094792f, kC1 = 0.488602512f;
 constexpr float kC2[5] = {1.09254843f, -1.09254843f, 0.315391565f, -1.09254843f, 0.546274215f};
-constexpr float kC3[7] = {-0.590043590f, 2.89061144f, -0.457045799f, 0.373176333f, -0.457045799f, 1.44530572f,
-                          -0.590043590f};
+constexpr float kC3[7] = {-0.590043590f, 2.89061144f, -0.457045799f, 0.373176333f,
+                          -0.457045799f, 1.44530572f, -0.590043590f};
 
 /// Y of the unit vector d; `count` of them.
 inline void harmonics(const Float8* d, int count, Float8* out) {
@@ -373,12 +373,12 @@ inline void axes_gradient(const Projected& p, Float8 (*to_axes)[3], ProjectedGra
   for (int d = 0; d < 4; ++d) unit[d] = p.quaternion[d] / p.length;
   const Float8 w = unit[0], x = unit[1], y = unit[2], z = unit[3];
   g[0] = 2.0f * (x * (r[2][1] - r[1][2]) + y * (r[0][2] - r[2][0]) + z * (r[1][0] - r[0][1]));
-  g[1] = 2.0f * (y * (r[0][1] + r[1][0]) + z * (r[0][2] + r[2][0]) + w * (r[2][1] - r[1][2]) -
-                 2.0f * x * (r[1][1] + r[2][2]));
-  g[2] = 2.0f * (x * (r[0][1] + r[1][0]) + z * (r[1][2] + r[2][1]) + w * (r[0][2] - r[2][0]) -
-                 2.0f * y * (r[0][0] + r[2][2]));
-  g[3] = 2.0f * (x * (r[0][2] + r[2][0]) + y * (r[1][2] + r[2][1]) + w * (r[1][0] - r[0][1]) -
-                 2.0f * z * (r[0][0] + r[1][1]));
+  g[1] = 2.0f *
+         (y * (r[0][1] + r[1][0]) + z * (r[0][2] + r[2][0]) + w * (r[2][1] - r[1][2]) - 2.0f * x * (r[1][1] + r[2][2]));
+  g[2] = 2.0f *
+         (x * (r[0][1] + r[1][0]) + z * (r[1][2] + r[2][1]) + w * (r[0][2] - r[2][0]) - 2.0f * y * (r[0][0] + r[2][2]));
+  g[3] = 2.0f *
+         (x * (r[0][2] + r[2][0]) + y * (r[1][2] + r[2][1]) + w * (r[1][0] - r[0][1]) - 2.0f * z * (r[0][0] + r[1][1]));
   const Float8 radial = g[0] * w + g[1] * x + g[2] * y + g[3] * z;
   for (int d = 0; d < 4; ++d) out.quaternion[d] = (g[d] - unit[d] * radial) / p.length;
 }
@@ -403,8 +403,8 @@ inline void position_gradient(const SplatCamera& camera, const Projected& p, con
 
 /// Gradient of the colours to the harmonics, which are written, and to the position, which is added to.
 /// @param rows [here,count,3] @param first [here+1] of the places @param to_rows as `rows`
-inline void colour_gradient(const float* rows, int count, const std::int32_t* first, int here, const Projected& p, const Total& t, float* to_rows,
-                            ProjectedGradient& out) {
+inline void colour_gradient(const float* rows, int count, const std::int32_t* first, int here, const Projected& p,
+                            const Total& t, float* to_rows, ProjectedGradient& out) {
   Shade shading;
   shade(rows, count, here, p.offset, shading);
   Float8 through[kMaxHarmonics] = {};  // sum_c gradient_c h_kc
@@ -453,7 +453,8 @@ void project_splats_backward(const SplatArrays& splats, const SplatCamera& camer
     covariance_gradient(p, total, to_jacobian, to_axes);
     axes_gradient(p, to_axes, gradient);
     position_gradient(camera, p, total, to_jacobian, gradient);
-    colour_gradient(splats.harmonics + 3 * count * n, count, first, here, p, total, out.harmonics + 3 * count * n, gradient);
+    colour_gradient(splats.harmonics + 3 * count * n, count, first, here, p, total, out.harmonics + 3 * count * n,
+                    gradient);
     const Float8 to_logit = total.g * p.hidden_part;
     add_rows(gradient.position, 3, first, here, out.positions + 3 * n);
     add_rows(gradient.quaternion, 4, first, here, out.rotations + 4 * n);

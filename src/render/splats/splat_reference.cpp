@@ -20,10 +20,10 @@ Tensor view_harmonics(const Tensor& directions, std::int64_t count) {
   }
   if (count > 9) {
     const double a = 0.5900435899266435, b = 0.4570457994644658;
-    all.insert(all.end(), {-a * y * (3 * x * x - y * y), 2.890611442640554 * x * y * z,
-                           -b * y * (4 * z * z - x * x - y * y), 0.3731763325901154 * z * (2 * z * z - 3 * x * x - 3 * y * y),
-                           -b * x * (4 * z * z - x * x - y * y), 1.445305721320277 * z * (x * x - y * y),
-                           -a * x * (x * x - 3 * y * y)});
+    all.insert(all.end(),
+               {-a * y * (3 * x * x - y * y), 2.890611442640554 * x * y * z, -b * y * (4 * z * z - x * x - y * y),
+                0.3731763325901154 * z * (2 * z * z - 3 * x * x - 3 * y * y), -b * x * (4 * z * z - x * x - y * y),
+                1.445305721320277 * z * (x * x - y * y), -a * x * (x * x - 3 * y * y)});
   }
   return torch::stack(all, -1);
 }
@@ -35,8 +35,8 @@ namespace {
 Tensor rotation_matrices(const Tensor& quaternions) {
   const Tensor q = quaternions / quaternions.norm(2, 1, true);
   const Tensor w = q.select(1, 0), x = q.select(1, 1), y = q.select(1, 2), z = q.select(1, 3);
-  return torch::stack({1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),      //
-                       2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),      //
+  return torch::stack({1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),  //
+                       2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),  //
                        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)},
                       1)
       .view({-1, 3, 3});
@@ -63,10 +63,10 @@ struct Item {
 
 /// The Gaussians on the screen, nearest first.
 struct Screen {
-  Tensor centre;      ///< [M,2] pixels
-  Tensor conic;       ///< [M,2,2] inverse of S
-  Tensor opacity;     ///< [M]
-  Tensor value;       ///< [M,5] colour, 1, depth
+  Tensor centre;   ///< [M,2] pixels
+  Tensor conic;    ///< [M,2,2] inverse of S
+  Tensor opacity;  ///< [M]
+  Tensor value;    ///< [M,5] colour, 1, depth
 };
 
 Screen project_item(const Item& g, const Tensor& matrix, const Tensor& camera_centre, std::int64_t height,
@@ -133,8 +133,8 @@ SplatImage reference(const Splats& splats, const Cameras& cameras, std::int64_t 
                            : blend(project_item(all.at(index), matrix, centre, height, width), height, width));
     }
   }
-  const Tensor all = images.empty() ? torch::zeros({0, height, width, 5}, splats.positions.options())
-                                    : torch::stack(images);
+  const Tensor all =
+      images.empty() ? torch::zeros({0, height, width, 5}, splats.positions.options()) : torch::stack(images);
   const Tensor image = all.view({batch, views, height, width, 5});
   return {image.slice(4, 0, 3), image.select(4, 3), options.depth ? image.select(4, 4) : Tensor()};
 }

@@ -13,12 +13,12 @@ struct Cameras {
   torch::Tensor centre;      ///< float64 [B,C,3]
 };
 
-constexpr double kBlur = 0.3;                  ///< square pixels, added to both axes
+constexpr double kBlur = 0.3;  ///< square pixels, added to both axes
 constexpr double kLeastAlpha = 1.0 / 255;
 constexpr double kMostAlpha = 0.99;
 constexpr double kLeastTransmittance = 1e-4;
-constexpr double kOutside = 0.15;              ///< of the image: J stays constant beyond
-constexpr double kBeyond = 1048576;            ///< pixels: no Gaussian is drawn beyond
+constexpr double kOutside = 0.15;    ///< of the image: J stays constant beyond
+constexpr double kBeyond = 1048576;  ///< pixels: no Gaussian is drawn beyond
 
 SplatImage reference(const Splats& splats, const Cameras& cameras, std::int64_t height, std::int64_t width,
                      const SplatOptions& options);

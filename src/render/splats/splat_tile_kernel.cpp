@@ -12,7 +12,8 @@ inline Float8 lane_numbers8() { return Float8{0, 1, 2, 3, 4, 5, 6, 7}; }
 
 // --- runs of eight pixels --------------------------------------------------------------------------------------------
 
-/// Eight rows of a Gaussian in a tile: the first pixel where the exponent may reach the threshold, and what a run holds.
+/// Eight rows of a Gaussian in a tile: the first pixel where the exponent may reach the threshold, and what a run
+/// holds.
 struct Rows {
   Int8 first, count;  ///< count of runs
   Float8 s, exponent, r;
@@ -59,7 +60,8 @@ inline int find_runs(const SplatTile& tile, std::int32_t number, SplatScratch& o
   const SplatRecord& g = tile.splats[number];
   const int top = (g.y0 > tile.y0 ? g.y0 : tile.y0) - tile.y0;
   const int bottom = (g.y1 < tile.y1 - 1 ? g.y1 : tile.y1 - 1) - tile.y0;
-  // The most runs of a row, from whole numbers: a loop until no row has any would end at a hard guess for the processor.
+  // The most runs of a row, from whole numbers: a loop until no row has any would end at a hard guess for the
+  // processor.
   const int left = g.x0 > tile.x0 ? g.x0 : tile.x0, right = g.x1 < tile.x1 - 1 ? g.x1 : tile.x1 - 1;
   const int columns = (right - left + kEight) >> 3;
   // Pixel x of the tile has dx = x + shift.

@@ -55,8 +55,8 @@ SplatImage draw_splats(const Splats& splats, const Tensor& projection, std::int6
                      kernels::kMaxImage);
   }
   if (!(options.z_near > 0)) fail<UsageError>("{}: z_near is {} m; it must be greater than 0", kOp, options.z_near);
-  const bool kernel = splats.positions.scalar_type() == torch::kFloat32 && !options.use_reference &&
-                      !torch::jit::tracer::isTracing();
+  const bool kernel =
+      splats.positions.scalar_type() == torch::kFloat32 && !options.use_reference && !torch::jit::tracer::isTracing();
   const splats::Cameras cameras = cameras_of(projection);
   return kernel ? splats::fused(splats, cameras, height, width, options)
                 : splats::reference(splats, cameras, height, width, options);

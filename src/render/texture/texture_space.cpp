@@ -223,6 +223,12 @@ Tensor TextureSpace::normals_without_gradient(const Tensor& vertices) const {
   return op.call(vertices, {mesh_.face_records, mesh_.incident_offsets, mesh_.incident_faces}, runs_, size_);
 }
 
+TexelPoints TextureSpace::points() const {
+  const Tensor texel = mask_.flatten().nonzero().squeeze(1), at = lookup_.index_select(0, texel);
+  return {texel, corners_.index_select(1, at).t().contiguous(),
+          weights_.squeeze(2).index_select(1, at).t().to(torch::kFloat32).contiguous()};
+}
+
 Tensor TextureSpace::positions(const Tensor& vertices) const {
   check_shape("TextureSpace", "vertices", vertices, {-1, mesh_.num_vertices, 3}, "[B,N,3]");
   return to_map(interpolate(vertices));

@@ -8,6 +8,13 @@
 
 namespace doppel {
 
+/// Surface points at the centres of texels.
+struct TexelPoints {
+  torch::Tensor texel;    ///< int64 [P] row * T + column, ascending
+  torch::Tensor corners;  ///< int64 [P,3] vertices
+  torch::Tensor weights;  ///< float32 [P,3] barycentrics
+};
+
 /// Draws properties of the surface into the texture map. The face of each texel is computed once. A map is then an
 /// index and a weighted sum in plain tensor operations: differentiable, traceable, any dtype.
 ///
@@ -28,6 +35,8 @@ class TextureSpace {
   /// Positions, world, metres. @param vertices [B,N,3] @return [B,3,T,T]
   torch::Tensor positions(const torch::Tensor& vertices) const;
 
+  /// The texels with a face of their own, padding not counted.
+  TexelPoints points() const;
   /// bool [T,T]: texels with a face of their own, padding not counted
   const torch::Tensor& mask() const { return mask_; }
   int size() const { return size_; }

@@ -1,0 +1,130 @@
+#include "doppel/train/gaussian_stage.h"
+
+#include <algorithm>
+
+#include "doppel/losses/images.h"
+#include "doppel/losses/similarity.h"
+#include "doppel/train/image_sheet.h"
+#include "doppel/train/stage_table.h"
+
+namespace doppel {
+
+using torch::Tensor;
+
+void describe_keys(const Keys& keys, GaussiansRunConfig& c) {
+  describe_keys(keys.section("data"), c.loader);
+  describe_keys(keys.section("data"), c.noise);
+  describe_keys(keys.section("model"), c.model);
+  keys.require("data.cameras_per_sample", c.loader.cameras_per_sample == 1 || !c.model.network || !c.model.camera,
+               fmt::format("found {}; a network that sees the camera draws for one camera, so only 1 is allowed",
+                           c.loader.cameras_per_sample));
+  keys("loss.photometric", c.photometric, at_least(0.0), "weight, per level of 255 in the mask");
+  keys("loss.similarity", c.similarity, at_least(0.0), "weight of 1 - SSIM");
+  keys("loss.silhouette", c.silhouette, at_least(0.0), "weight of the difference of alpha and mask");
+  keys("loss.offset", c.offset, at_least(0.0), "weight of the offsets' length, in texels");
+  keys("loss.scale", c.scale, at_least(0.0), "weight of standard deviations beyond `largest_scale`, in texels");
+  keys("loss.largest_scale", c.largest_scale, at_least(0.1), "texels");
+  describe_keys(keys.section("train"), c.trainer);
+}
+
+GaussiansRunConfig GaussiansRunConfig::read(const ConfigDocument& document) {
+  return read_run<GaussiansRunConfig>(document, "gaussians");
+}
+
+GaussianStage::GaussianStage(const Dataset& dataset, TrainedActor& actor, const GaussiansRunConfig& config)
+    : CaptureStage(dataset, actor.character,
+                   with_past_frames(config.loader, std::max(actor.past_frames(), config.model.past_frames))),
+      actor_(actor),
+      config_(config),
+      space_(*actor.mesh, config.model.size),
+      gaussians_(make_gaussians(actor, space_, config.model,
+                                at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed)))),
+      noise_(actor.character.skeleton, config.noise) {}
+
+Splats GaussianStage::splats(const Tensor& vertices, const Tensor& windows, const Tensor& projection,
+                             std::optional<at::Generator> generator, const BatchShare& share) {
+  SurfaceFrames frames;
+  std::optional<TexNetInput> maps;
+  {
+    const torch::NoGradGuard no_grad;
+    frames = surface_frames(vertices, *actor_.mesh, gaussians_->points());
+    if (config_.model.network)
+      maps = texture_input(actor_, space_, config_.model.maps(), windows, projection.select(1, 0), vertices);
+  }
+  return gaussians_->forward(frames, maps, std::move(generator), share);
+}
+
+LossTerms GaussianStage::loss(const Batch& batch, StepContext& context) {
+  Profile& profile = *context.profile;
+  Tensor vertices;
+  {
+    ProfileScope scope(profile, "geometry");
+    vertices = actor_.fine(batch.dofs);
+  }
+  Splats splats;
+  {
+    ProfileScope scope(profile, "network");
+    splats = this->splats(vertices, noise_.apply(batch.dofs, *gaussians_, context.generator, context.share),
+                          batch.image_projection, context.generator, context.share);
+  }
+  SplatImage drawn;
+  {
+    ProfileScope scope(profile, "draw");
+    drawn = draw_splats(splats, batch.image_projection, batch.image.size(2), batch.image.size(3));
+  }
+  ProfileScope scope(profile, "compare");
+  const Tensor mask = batch.image_mask.to(torch::kFloat32), pixels = mask.sum().clamp_min(1.0);
+  const Tensor target = image_float(batch.image) * mask.unsqueeze(4);
+  const auto count = [mask] { return std::max(mask.sum().item<double>(), 1.0); };
+  return {{"photometric", 255.0 / 3.0 * (drawn.colour - target).abs().sum() / pixels, config_.photometric, count},
+          {"similarity", similarity_loss(drawn.colour, target), config_.similarity},
+          {"silhouette", (drawn.alpha - mask).abs().sum() / pixels, config_.silhouette, count},
+          {"offset", gaussians_->offset_length(), config_.offset, same_on_all_ranks},
+          {"scale", gaussians_->excess_scale(config_.largest_scale), config_.scale, same_on_all_ranks}};
+}
+
+std::vector<ReportImage> GaussianStage::images() {
+  std::vector<ReportImage> images;
+  const int past_frames = loader_options().past_frames;
+  for (const Split split : splits_to_show()) {
+    const std::vector<SampleId> samples = samples_to_show(split, 4);
+    if (samples.empty()) continue;
+    ImageSheet sheet(dataset(), loader_options().image_size);
+    for (const SampleId& sample : samples) {
+      const Batch batch = sheet.batch(sample, past_frames);
+      const auto views = batch.cameras.size(1);
+      const Tensor windows = batch.dofs.expand({views, -1, -1}).contiguous();
+      const Tensor projection = batch.image_projection[0].unsqueeze(1);
+      const SplatImage drawn = draw_splats(splats(actor_.fine(windows), windows, projection, std::nullopt, {}),
+                                           projection, batch.image.size(2), batch.image.size(3));
+      sheet.add(batch, {{drawn.colour.transpose(0, 1), drawn.alpha.transpose(0, 1) > 0.5, {}}});
+    }
+    const std::string word = to_string(split);
+    images.push_back(
+        {"gaussians-" + word, word + " split: filmed image, drawn Gaussians and their error", sheet.image()});
+  }
+  return images;
+}
+
+namespace {
+
+void evaluate_gaussians(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows) {
+  evaluate_static_texture(evaluation, rows);
+  rows["gaussians"] = evaluate_actor_drawing(evaluation, "gaussians", Drawing::gaussians);
+}
+
+}  // namespace
+
+StageEntry gaussians_entry() {
+  return {"gaussians",
+          {"ddc", "hybrid"},
+          {"egnet"},
+          [](const ConfigDocument& document) { GaussiansRunConfig::read(document); },
+          [](const StageTask& task) {
+            return train_on<GaussianStage, GaussiansRunConfig>(TrainedActor::load(task.run, std::nullopt, "gaussians"),
+                                                               task);
+          },
+          evaluate_gaussians};
+}
+
+}  // namespace doppel
