@@ -10,9 +10,11 @@
 #include <optional>
 
 #include "command.h"
+#include "doppel/actor/draw.h"
 #include "doppel/actor/export/animation.h"
 #include "doppel/actor/export/figure_writer.h"
 #include "doppel/actor/export/film.h"
+#include "doppel/actor/export/splat_writer.h"
 #include "doppel/actor/export/texture_writer.h"
 #include "doppel/actor/run_folder.h"
 #include "doppel/actor/run_stages.h"
@@ -233,6 +235,30 @@ struct Performer {
     return nullptr;
   }
 
+  /// Its Gaussians; empty without them.
+  SplatFunction splats() const {
+    if (!trained || !trained->gaussians) return nullptr;
+    return [actor = trained.get()](const auto& window, const auto& projection, const auto& vertices) {
+      return actor->splats(window, projection, vertices);
+    };
+  }
+
+  /// What draws the actor in place of its mesh; empty for the renderer `mesh`.
+  FieldFunction field(const std::string& renderer) const {
+    TrainedActor* const actor = trained.get();
+    if (renderer == "radiance")
+      return [actor](const auto& window, const auto& projection, const auto&, std::int64_t height, std::int64_t width) {
+        return actor->radiance(window, projection, height, width);
+      };
+    if (renderer == "gaussians")
+      return [actor](const auto& window, const auto& projection, const auto& vertices, std::int64_t height,
+                     std::int64_t width) {
+        const SplatImage drawn = draw_gaussians(*actor, window, projection.unsqueeze(0), vertices, height, width);
+        return FieldImage{drawn.colour[0][0], drawn.alpha[0][0], {}};
+      };
+    return nullptr;
+  }
+
   /// The rate of the training, or nothing: skinning alone has no rate.
   std::optional<double> frames_per_second() const {
     if (file) return file->description().frames_per_second;
@@ -250,6 +276,11 @@ Performer make_performer(const AnimateOptions& options) {
       fail(
           "{} has no checkpoint of the stage radiance; train it first: doppel train configs/small/hybrid.yaml --set "
           "ddc={}",
+          options.run, options.run);
+    if (options.renderer == "gaussians" && !performer.trained->gaussians)
+      fail(
+          "{} has no checkpoint of the stage gaussians; add its section to the configuration of the run "
+          "(configs/small/ddc.yaml) and train it: doppel train CONFIG --stages gaussians --out {}",
           options.run, options.run);
     performer.character = performer.trained->character;
     return performer;
@@ -330,16 +361,19 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
     writers.push_back(
         make_texture_writer(options.out, texture, camera_path(options, character, fps, read_studio(options))));
   }
+  if (options.wants("ply") || options.wants("splat-glb")) {
+    const SplatFunction splats = performer.splats();
+    if (!splats)
+      fail<UsageError>("--format ply and splat-glb need an actor with Gaussians: --run RUN with the stage gaussians");
+    writers.push_back(make_splat_writer(options.out, splats, camera_path(options, character, fps, read_studio(options)),
+                                        {options.wants("ply"), options.wants("splat-glb")}));
+  }
   if (options.wants("mp4") || options.wants("png")) {
     const Studio studio = read_studio(options);
     FilmOptions film = film_options(options, fps, studio);
     film.texture = performer.texture();
     film.profile = &profile;
-    if (options.renderer == "radiance")
-      film.radiance = [actor = performer.trained.get()](const torch::Tensor& window, const torch::Tensor& projection,
-                                                        std::int64_t height, std::int64_t width) {
-        return actor->radiance(window, projection, height, width);
-      };
+    film.field = performer.field(options.renderer);
     writers.push_back(make_film_writer(options.out, character, camera_path(options, character, fps, studio), film));
   }
   return writers;
@@ -431,8 +465,9 @@ void add_actor_options(CLI::App& app, AnimateOptions& options) {
                                     "A run instead of --character and --model: its newest mesh and dynamic texture, "
                                     "or its radiance field")
                          ->excludes(character, model);
-  app.add_option("--renderer", options.renderer, "With --run: images of the mesh, or of the radiance field around it")
-      ->check(CLI::IsMember({"mesh", "radiance"}))
+  app.add_option("--renderer", options.renderer,
+                 "With --run: images of the mesh, of the Gaussians on it, or of the radiance field around it")
+      ->check(CLI::IsMember({"mesh", "gaussians", "radiance"}))
       ->needs(run)
       ->capture_default_str();
 }
@@ -519,7 +554,8 @@ Command add_animate(CLI::App& program) {
   app->add_option("--format", options->formats,
                   "npy, obj, mp4, png, motion, bvh, glb, usda, pc2, mdd, texture, or several with commas")
       ->delimiter(',')
-      ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "usda", "pc2", "mdd", "texture"}))
+      ->check(CLI::IsMember(
+          {"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "usda", "pc2", "mdd", "texture", "ply", "splat-glb"}))
       ->capture_default_str();
   app->add_option("--out", options->out, "The folder to write into")->required();
   const std::string usual_group = app->option_defaults()->get_group();

@@ -1,5 +1,6 @@
-// Gaussian splats of a capsule of the size of a person: kernel against plain tensor operations of a small scene, then
-// forward and backward of three scenes against the arithmetic that they need.
+// Gaussian splats of a capsule of the size of a person: kernel against plain tensor operations in a small scene, whose
+// images must agree; then forward and backward of three scenes, and what they cost for each pixel that a Gaussian adds
+// to.
 //   splat_bench [threads=1] [Gaussians pixels]      default: three scenes
 
 #include <ATen/Parallel.h>
@@ -76,11 +77,54 @@ struct Step {
   }
   void operator()() const {
     const Tensor colour = draw_splats(splats, projection, size, size, options).colour;
-    torch::autograd::grad(
-        {colour}, {splats.positions, splats.rotations, splats.log_scales, splats.opacities, splats.harmonics},
-        {upstream});
+    torch::autograd::grad({colour},
+                          {splats.positions, splats.rotations, splats.log_scales, splats.opacities, splats.harmonics},
+                          {upstream});
   }
 };
+
+/// How many pixels the Gaussians of a scene add to, counted one by one, by the formulas of splats.h.
+std::int64_t count_blends(const Splats& s, const Tensor& projection, std::int64_t size) {
+  const torch::NoGradGuard no_gradient;
+  const Tensor p = projection[0][0].to(torch::kFloat64), x = s.positions[0].to(torch::kFloat64);
+  const Tensor h = x.matmul(p.slice(1, 0, 3).t()) + p.select(1, 3), uv = h.slice(1, 0, 2) / h.slice(1, 2, 3);
+  const Tensor jacobian =
+      (p.slice(0, 0, 2).slice(1, 0, 3) - uv.unsqueeze(2) * p[2].slice(0, 0, 3)) / h.select(1, 2).view({-1, 1, 1});
+  const Tensor q = s.rotations[0].to(torch::kFloat64), unit = q / q.norm(2, 1, true), scale = s.log_scales[0].exp();
+  const Tensor w = unit.select(1, 0), a = unit.select(1, 1), b = unit.select(1, 2), c = unit.select(1, 3);
+  const Tensor rotation = torch::stack({1 - 2 * (b * b + c * c), 2 * (a * b - w * c), 2 * (a * c + w * b),
+                                        2 * (a * b + w * c), 1 - 2 * (a * a + c * c), 2 * (b * c - w * a),
+                                        2 * (a * c - w * b), 2 * (b * c + w * a), 1 - 2 * (a * a + b * b)},
+                                       1)
+                              .view({-1, 3, 3});
+  const Tensor along = jacobian.matmul(rotation * scale.to(torch::kFloat64).unsqueeze(1));
+  const Tensor conics =
+      (along.matmul(along.transpose(1, 2)) + 0.3 * torch::eye(2, torch::kFloat64)).inverse().contiguous();
+  const Tensor order = (x - torch::tensor({0.0, 0.0, -3.5}, torch::kFloat64)).norm(2, 1).argsort();
+  const Tensor opacity = s.opacities[0].sigmoid().contiguous(), centres = uv.contiguous();
+  std::vector<float> through(static_cast<std::size_t>(size * size), 1.0f);
+  std::int64_t blends = 0;
+  for (std::int64_t k = 0; k < order.size(0); ++k) {
+    const std::int64_t i = order.data_ptr<std::int64_t>()[k];
+    const double *m = centres.data_ptr<double>() + 2 * i, *s2 = conics.data_ptr<double>() + 4 * i;
+    const double determinant = s2[0] * s2[3] - s2[1] * s2[2], o = opacity.data_ptr<float>()[i];
+    const double reach = 2 * std::log(255 * o), rx = std::sqrt(reach * s2[3] / determinant),
+                 ry = std::sqrt(reach * s2[0] / determinant);
+    const auto last = static_cast<double>(size - 1);
+    for (auto py = static_cast<int>(std::max(m[1] - ry - 0.5, 0.0)); py <= std::min(m[1] + ry, last); ++py) {
+      for (auto px = static_cast<int>(std::max(m[0] - rx - 0.5, 0.0)); px <= std::min(m[0] + rx, last); ++px) {
+        const double dx = px + 0.5 - m[0], dy = py + 0.5 - m[1];
+        const double alpha =
+            std::min(0.99, o * std::exp(-0.5 * (s2[0] * dx * dx + 2 * s2[1] * dx * dy + s2[3] * dy * dy)));
+        float& t = through[static_cast<std::size_t>(py * size + px)];
+        if (alpha < 1.0 / 255 || t < 1e-4f) continue;
+        t *= static_cast<float>(1.0 - alpha);
+        ++blends;
+      }
+    }
+  }
+  return blends;
+}
 
 }  // namespace
 
@@ -93,6 +137,12 @@ int main(int argc, char** argv) {
     const Splats small = scene(2000);
     SplatOptions plain;
     plain.use_reference = true;
+    const Tensor drawn = draw_splats(small, camera(64), 64, 64).colour,
+                 expected = draw_splats(small, camera(64), 64, 64, plain).colour;
+    if ((drawn - expected).abs().max().item<double>() > 1e-4) {
+      std::puts("kernel and plain tensor operations disagree");
+      return 1;
+    }
     const Step reference{small, camera(64), 64, plain}, kernel{small, camera(64), 64, {}};
     compare("2,000 Gaussians, 64 x 64, forward and backward",
             {{"plain tensor operations", reference}, {"kernel", kernel}}, {1, 5, 2.0});
@@ -102,8 +152,13 @@ int main(int argc, char** argv) {
   for (const auto& [count, size] : scenes) {
     const Splats splats = scene(count);
     const Step step{splats, camera(size), size, {}};
-    compare(std::to_string(count) + " Gaussians, " + std::to_string(size) + " x " + std::to_string(size),
-            {{"forward", [&step = step] { step.forward(); }}, {"forward + backward", step}}, {5, 41, 2.0});
+    const std::vector<Timing> times =
+        compare(std::to_string(count) + " Gaussians, " + std::to_string(size) + " x " + std::to_string(size),
+                {{"forward", [&step = step] { step.forward(); }}, {"forward + backward", step}}, {5, 41, 2.0});
+    const std::int64_t blends = count_blends(splats, camera(size), size);
+    std::printf("  %ld pixels blended: %.2f and %.2f ns for each one\n", static_cast<long>(blends),
+                1e6 * times[0].median_ms / static_cast<double>(blends),
+                1e6 * times[1].median_ms / static_cast<double>(blends));
   }
   return 0;
 }

@@ -12,7 +12,7 @@ namespace {
 using torch::Tensor;
 
 constexpr int kChanges = 10;          // offset 3, log scale 3, opacity 1, colour 3
-constexpr double kMostOffset = 0.03;  // metres, that the network predicts
+constexpr double kMaxOffset = 0.03;  // metres, that the network predicts
 constexpr double kHeadScale = 0.01;
 constexpr double kThickness = 0.3;  // first standard deviation along the normal, of that along the surface
 constexpr double kBasis0 = 0.28209479177387814;
@@ -118,7 +118,7 @@ Splats GaussiansImpl::forward(const SurfaceFrames& frames, const std::optional<T
          colour = first_colour_.unsqueeze(0) + kColourStep * colour_.unsqueeze(0);
   if (unet_ && maps) {
     const Tensor change = changes(*maps, std::move(generator), share);
-    offset = offset + kMostOffset * change.narrow(2, 0, 3).tanh();
+    offset = offset + kMaxOffset * change.narrow(2, 0, 3).tanh();
     scale = scale + change.narrow(2, 3, 3);
     opacity = opacity + change.select(2, 6);
     colour = colour + change.narrow(2, 7, 3).tanh();

@@ -77,7 +77,7 @@ class FilmWriter : public SequenceWriter {
 
   cv::Mat draw(const PosedFrame& frame, const PinholeCamera& camera) {
     torch::NoGradGuard no_grad;
-    if (options_.radiance) return draw_radiance(frame, camera);
+    if (options_.field) return draw_field(frame, camera);
     const Tensor projection = projection_tensor({camera}).unsqueeze(0);
     const Appearance look = appearance(frame, camera, projection);
     const ProfileScope scope(profile(), "drawing");
@@ -88,10 +88,10 @@ class FilmWriter : public SequenceWriter {
     return image;
   }
 
-  cv::Mat draw_radiance(const PosedFrame& frame, const PinholeCamera& camera) {
-    const ProfileScope scope(profile(), "radiance");
-    const FieldImage drawn =
-        options_.radiance(frame.window.unsqueeze(0), projection_tensor({camera})[0], camera.height, camera.width);
+  cv::Mat draw_field(const PosedFrame& frame, const PinholeCamera& camera) {
+    const ProfileScope scope(profile(), "drawing");
+    const FieldImage drawn = options_.field(frame.window.unsqueeze(0), projection_tensor({camera})[0], tensor_of(frame),
+                                            camera.height, camera.width);
     seen_ = seen_ || drawn.opacity.gt(0).any().item<bool>();
     return image_over(drawn.colour, drawn.opacity, behind_);
   }

@@ -27,6 +27,11 @@ cv::Mat fit_backdrop(const Backdrop& backdrop, int width, int height, bool may_c
 /// light of the studio where it was scanned).
 enum class Light { soft, flat };
 
+/// Draws an actor at the end of a motion window [1,F+1,D], whose surface has the vertices [1,N,3], in a camera
+/// (projection [3,4]) with H x W pixels.
+using FieldFunction = std::function<FieldImage(const torch::Tensor& window, const torch::Tensor& projection,
+                                               const torch::Tensor& vertices, std::int64_t H, std::int64_t W)>;
+
 struct FilmOptions {
   double frames_per_second = 25.0;
   Light light = Light::soft;
@@ -40,9 +45,8 @@ struct FilmOptions {
   /// The dynamic texture of the actor; empty: the static one. The dynamic texture is unlit, because it contains the
   /// light of the capture.
   TextureFunction texture;
-  /// If set, a radiance field is shown in place of the mesh. The function draws the field at the end of a motion window
-  /// [1,F+1,D] in a camera (projection [3,4]) with H x W pixels.
-  std::function<FieldImage(const torch::Tensor&, const torch::Tensor&, std::int64_t, std::int64_t)> radiance;
+  /// If set, what it draws over black is shown in place of the textured mesh: a radiance field, or Gaussians.
+  FieldFunction field;
   Profile* profile = nullptr;  ///< the times of texture, drawing and files are added to it
 };
 

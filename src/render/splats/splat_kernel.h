@@ -64,14 +64,14 @@ struct ConstSplatPlanes {
 /// Memory of one thread; no content is kept between calls.
 struct alignas(64) SplatScratch {
   static constexpr int kStride = kSplatTileWidth + 8;  ///< rows end with room for a vector
-  static constexpr int kRunsAtOnce = 512, kMostRuns = kRunsAtOnce + kSplatTileHeight * (kSplatTileWidth / 8) + 8;
+  static constexpr int kRunsAtOnce = 512, kMaxRuns = kRunsAtOnce + kSplatTileHeight * (kSplatTileWidth / 8) + 8;
   float planes[8][kSplatTileHeight * kStride + 80];
   /// Up to eight pixels of a row of a Gaussian.
-  std::int32_t at[kMostRuns];     ///< the first pixel in the planes
-  std::int32_t splat[kMostRuns];  ///< its number in the tile
-  float s[kMostRuns];             ///< a dx + b dy at the first pixel
-  float exponent[kMostRuns];      ///< log_opacity - r^2
-  float r[kMostRuns];             ///< c dy
+  std::int32_t at[kMaxRuns];     ///< the first pixel in the planes
+  std::int32_t splat[kMaxRuns];  ///< its number in the tile
+  float s[kMaxRuns];             ///< a dx + b dy at the first pixel
+  float exponent[kMaxRuns];      ///< log_opacity - r^2
+  float r[kMaxRuns];             ///< c dy
 };
 DOPPEL_DECLARE_KERNEL(void, draw_splat_tile, (const SplatTile& tile, const SplatPlanes& image, SplatScratch& scratch))
 
@@ -87,14 +87,14 @@ DOPPEL_DECLARE_KERNEL(void, draw_splat_tile_backward,
                       (const SplatTile& tile, const ConstSplatPlanes& image, const ConstSplatPlanes& upstream,
                        SplatScratch& scratch, SplatSums* sums))
 
-/// Where the sums are: those of Gaussian n at places[first[n]] to places[first[n+1]], one for each tile that it
+/// Where the sums are: those of Gaussian n at slots[first[n]] to slots[first[n+1]], one for each tile that it
 /// touches.
-struct SplatPlaces {
-  const std::int32_t *first, *places;
+struct SplatSlots {
+  const std::int32_t *first, *slots;
 };
 /// Adds the gradients of the Gaussians [begin,end).
 DOPPEL_DECLARE_KERNEL(void, project_splats_backward,
-                      (const SplatArrays& splats, const SplatCamera& camera, const SplatPlaces& at,
+                      (const SplatArrays& splats, const SplatCamera& camera, const SplatSlots& at,
                        const SplatSums* sums, std::int64_t begin, std::int64_t end, const SplatGradients& out))
 
 }  // namespace doppel::kernels

@@ -92,20 +92,20 @@ struct ViewState {
   static constexpr std::int64_t kTensors = 4;
   Tensor first, offsets;  ///< int32 [N+1], [tiles+1]: count_copies
   Tensor records;         ///< uint8 [copies,64] SplatRecord, tile by tile
-  Tensor places;          ///< int32 [copies]: TileSort
+  Tensor slots;           ///< int32 [copies]: TileSort
 
   static ViewState from(const std::vector<Tensor>& tensors, std::int64_t view) {
     const Tensor* t = tensors.data() + kTensors * view;
     return {t[0], t[1], t[2], t[3]};
   }
   void append_to(std::vector<Tensor>& tensors) const {
-    tensors.insert(tensors.end(), {first, offsets, records, places});
+    tensors.insert(tensors.end(), {first, offsets, records, slots});
   }
   std::int64_t copies() const { return records.size(0); }
   void sort(std::int64_t tile, TileSort& by, const std::int32_t* copies) const {
     const std::int32_t* offset = offsets.data_ptr<std::int32_t>() + tile;
     by.sort(reinterpret_cast<SplatRecord*>(records.data_ptr()) + offset[0], offset[1] - offset[0], copies + offset[0],
-            offset[0], places.data_ptr<std::int32_t>());
+            offset[0], slots.data_ptr<std::int32_t>());
   }
   SplatTile tile(const TileGrid& grid, std::int64_t number) const {
     const std::int32_t* offset = offsets.data_ptr<std::int32_t>() + number;
@@ -140,7 +140,7 @@ ViewState project_view(const Scene& scene, std::int64_t view, Workspace& w) {
   auto *first = out.first.data_ptr<std::int32_t>(), *offsets = out.offsets.data_ptr<std::int32_t>();
   count_copies(w.records, scene.grid, first, offsets);
   out.records = rounded_empty(first[scene.count], sizeof(SplatRecord), torch::kUInt8);
-  out.places = rounded_empty(first[scene.count], 1, torch::kInt32).view({-1});
+  out.slots = rounded_empty(first[scene.count], 1, torch::kInt32).view({-1});
   w.copies.resize(as_size(first[scene.count]));
   fill_tiles(w.records, scene.grid, offsets, reinterpret_cast<SplatRecord*>(out.records.data_ptr()), w.copies.data());
   return out;
@@ -229,10 +229,10 @@ std::tuple<Tensor, Tensor, Tensor, Tensor, Tensor> draw_splats_backward_cpu(
     });
     const kernels::SplatArrays arrays = scene.arrays(item);
     const kernels::SplatCamera camera = scene.camera(v);
-    const kernels::SplatPlaces places{state.first.data_ptr<std::int32_t>(), state.places.data_ptr<std::int32_t>()};
+    const kernels::SplatSlots slots{state.first.data_ptr<std::int32_t>(), state.slots.data_ptr<std::int32_t>()};
     const kernels::SplatGradients gradients{to(0, item), to(1, item), to(2, item), to(3, item), to(4, item)};
     at::parallel_for(0, scene.count, kSplatsPerThread / 2, [&](std::int64_t begin, std::int64_t end) {
-      kernels::project_splats_backward(arrays, camera, places, sum_data, begin, end, gradients);
+      kernels::project_splats_backward(arrays, camera, slots, sum_data, begin, end, gradients);
     });
   }
   return {out[0], out[1], out[2], out[3], out[4]};

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <utility>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
 
 namespace doppel::splats {
 namespace {
@@ -30,15 +32,20 @@ void for_each_tile(const SplatRecord& r, std::int64_t columns, const Visit& visi
 void count_copies(const std::vector<SplatRecord>& records, const TileGrid& grid, std::int32_t* first,
                   std::int32_t* offsets) {
   std::fill_n(offsets, grid.tiles() + 1, 0);
-  std::int32_t copies = 0;
+  std::int64_t copies = 0;
   for (const SplatRecord& record : records) {
-    *first++ = copies;
+    *first++ = static_cast<std::int32_t>(copies);
     for_each_tile(record, grid.columns(), [&](std::int64_t tile) {
       ++offsets[tile + 1];
       ++copies;
     });
   }
-  *first = copies;
+  if (copies > std::numeric_limits<std::int32_t>::max())
+    fail<UsageError>(
+        "draw_splats: {} Gaussians touch {} tiles in one image; at most 2^31 - 1 are allowed. Draw fewer or smaller "
+        "ones",
+        records.size(), copies);
+  *first = static_cast<std::int32_t>(copies);
   for (std::int64_t tile = 0; tile < grid.tiles(); ++tile) offsets[tile + 1] += offsets[tile];
 }
 
@@ -48,9 +55,9 @@ void fill_tiles(const std::vector<SplatRecord>& records, const TileGrid& grid, c
   std::int32_t copy = 0;
   for (const SplatRecord& record : records) {
     for_each_tile(record, grid.columns(), [&](std::int64_t tile) {
-      const std::int32_t place = next[tile]++;
-      out[place] = record;
-      copies[place] = copy++;
+      const std::int32_t slot = next[tile]++;
+      out[slot] = record;
+      copies[slot] = copy++;
     });
   }
 }
@@ -75,13 +82,13 @@ void TileSort::sort_keys(const SplatRecord* records, std::int64_t count) {
 }
 
 void TileSort::sort(SplatRecord* records, std::int64_t count, const std::int32_t* copies, std::int32_t first,
-                    std::int32_t* places) {
+                    std::int32_t* slots) {
   sort_keys(records, count);
   before_.assign(records, records + count);
   for (std::int64_t i = 0; i < count; ++i) {
     const auto number = static_cast<std::size_t>(items_[i] & 0xffffffffu);
     records[i] = before_[number];
-    places[copies[number]] = first + static_cast<std::int32_t>(i);
+    slots[copies[number]] = first + static_cast<std::int32_t>(i);
   }
 }
 

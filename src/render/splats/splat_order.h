@@ -21,7 +21,7 @@ struct TileGrid {
 void count_copies(const std::vector<kernels::SplatRecord>& records, const TileGrid& grid, std::int32_t* first,
                   std::int32_t* offsets);
 /// Copies the records to their tiles, in each tile in the order of their indices.
-/// @param out [copies] tile by tile @param copies [copies] the number of the copy at each place of `out`, counted
+/// @param out [copies] tile by tile @param copies [copies] the number of the copy at each slot of `out`, counted
 /// record by record
 void fill_tiles(const std::vector<kernels::SplatRecord>& records, const TileGrid& grid, const std::int32_t* offsets,
                 kernels::SplatRecord* out, std::int32_t* copies);
@@ -29,10 +29,10 @@ void fill_tiles(const std::vector<kernels::SplatRecord>& records, const TileGrid
 /// Sorts the records of a tile by their keys, the smallest first. Equal keys keep their order.
 class TileSort {
  public:
-  /// @param copies [count] of the records before @param first the place of the first record in the image
-  /// @param places where each copy of the image lies now; written for those of this tile
+  /// @param copies [count] of the records before @param first the slot of the first record in the image
+  /// @param slots where each copy of the image lies now; written for those of this tile
   void sort(kernels::SplatRecord* records, std::int64_t count, const std::int32_t* copies, std::int32_t first,
-            std::int32_t* places);
+            std::int32_t* slots);
 
  private:
   void sort_keys(const kernels::SplatRecord* records, std::int64_t count);

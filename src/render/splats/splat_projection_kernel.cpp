@@ -128,7 +128,7 @@ inline void project(const Block& in, const SplatCamera& camera, Projected& p) {
   p.a11 = square0 + kBlur;
   p.a12 = dot3(a0, a1);
   p.a22 = square1 + kBlur;
-  // |a0 x a1|^2 in the place of the difference of products, which thin Gaussians would lose to rounding.
+  // |a0 x a1|^2 in the slot of the difference of products, which thin Gaussians would lose to rounding.
   p.determinant = dot3(cross, cross) + kBlur * (square0 + square1) + kBlur * kBlur;
   const Float8 logit = load8(in.opacities);
   const Float8 e = exp_of_negative<Float8, Int8>(logit > 0.0f ? -logit : logit), more = 1.0f / (1.0f + e);
@@ -256,10 +256,14 @@ void project_splats(const SplatArrays& splats, const SplatCamera& camera, std::i
     pixel_range(u, sqrt8(reach * p.a11), camera.width, x0, x1);
     pixel_range(v, sqrt8(reach * p.a22), camera.height, y0, y1);
     const Float8 square = dot3(p.offset, p.offset);
+    Float8 logs[3];
+    load_rows3(block.log_scales, logs);
+    const Float8 sizes = logs[0] * logs[0] + logs[1] * logs[1] + logs[2] * logs[2] + load8(block.opacities);
     // NaN and infinity fail every comparison here.
     Int8 visible = (room >= 0.0f) & (p.depth >= camera.z_near) & (square < 1e30f) & (u < kBeyond) & (u > -kBeyond) &
                    (v < kBeyond) & (v > -kBeyond) & (p.a11 < 1e15f) & (p.a22 < 1e15f) & (p.determinant < 1e30f) &
-                   (x1 >= x0) & (y1 >= y0);
+                   (x1 >= x0) & (y1 >= y0) & (p.length > 1e-12f) & (p.length < 1e12f) & (sizes < 1e30f) &
+                   (sizes > -1e30f);
     if (splats.normals) {
       Float8 normal[3];
       load_rows3(block.normals, normal);
@@ -309,12 +313,12 @@ struct Total {
   Float8 g, gs, gr, gss, gsr, grr, colour[3], depth;
 };
 
-inline Total total_of(const SplatSums* sums, const SplatPlaces& at, std::int64_t n, int here) {
+inline Total total_of(const SplatSums* sums, const SplatSlots& at, std::int64_t n, int here) {
   Float8 low[kEight] = {}, high[kEight] = {}, part[kEight];
   for (int i = 0; i < here; ++i) {
     for (std::int32_t copy = at.first[n + i]; copy < at.first[n + i + 1]; ++copy) {
       Float8 row[2];
-      std::memcpy(row, &sums[at.places[copy]], sizeof row);
+      std::memcpy(row, &sums[at.slots[copy]], sizeof row);
       low[i] += row[0];
       high[i] += row[1];
     }
@@ -329,10 +333,10 @@ inline Total total_of(const SplatSums* sums, const SplatPlaces& at, std::int64_t
 }
 
 /// Asks for the sums of the next eight Gaussians, which lie anywhere in memory.
-inline void fetch_sums(const SplatSums* sums, const SplatPlaces& at, std::int64_t n, std::int64_t end) {
+inline void fetch_sums(const SplatSums* sums, const SplatSlots& at, std::int64_t n, std::int64_t end) {
   const std::int64_t last = end < n + kEight ? end : n + kEight;
   if (n >= last) return;
-  for (std::int32_t copy = at.first[n]; copy < at.first[last]; ++copy) __builtin_prefetch(sums + at.places[copy]);
+  for (std::int32_t copy = at.first[n]; copy < at.first[last]; ++copy) __builtin_prefetch(sums + at.slots[copy]);
 }
 
 struct ProjectedGradient {
@@ -402,7 +406,7 @@ inline void position_gradient(const SplatCamera& camera, const Projected& p, con
 }
 
 /// Gradient of the colours to the harmonics, which are written, and to the position, which is added to.
-/// @param rows [here,count,3] @param first [here+1] of the places @param to_rows as `rows`
+/// @param rows [here,count,3] @param first [here+1] of the slots @param to_rows as `rows`
 inline void colour_gradient(const float* rows, int count, const std::int32_t* first, int here, const Projected& p,
                             const Total& t, float* to_rows, ProjectedGradient& out) {
   Shade shading;
@@ -437,7 +441,7 @@ inline void add_rows(const Float8* values, int columns, const std::int32_t* firs
 
 }  // namespace
 
-void project_splats_backward(const SplatArrays& splats, const SplatCamera& camera, const SplatPlaces& at,
+void project_splats_backward(const SplatArrays& splats, const SplatCamera& camera, const SplatSlots& at,
                              const SplatSums* sums, std::int64_t begin, std::int64_t end, const SplatGradients& out) {
   const int count = camera.harmonics;
   for (std::int64_t n = begin; n < end; n += kEight) {

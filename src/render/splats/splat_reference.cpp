@@ -1,6 +1,7 @@
 #include <torch/types.h>
 
 #include "doppel/render/splats/splat_terms.h"
+#include "doppel/render/splats/splats.h"
 
 namespace doppel {
 
@@ -91,9 +92,10 @@ Screen project_item(const Item& g, const Tensor& matrix, const Tensor& camera_ce
 Tensor drawn(const Item& g, const Tensor& matrix, const Tensor& camera_centre, double z_near) {
   const torch::NoGradGuard no_gradient;
   const Tensor h = torch::matmul(g.positions, matrix.slice(1, 0, 3).t()) + matrix.select(1, 3);
-  const Tensor centre = h.slice(1, 0, 2) / h.slice(1, 2, 3), offset = g.positions - camera_centre;
-  Tensor visible = (h.select(1, 2) >= z_near) & (centre.abs() < kBeyond).all(1) & (g.rotations.norm(2, 1) > 0) &
-                   (g.opacities.sigmoid() >= kLeastAlpha);
+  const Tensor centre = h.slice(1, 0, 2) / h.slice(1, 2, 3), offset = g.positions - camera_centre,
+               length = g.rotations.norm(2, 1);
+  Tensor visible = (h.select(1, 2) >= z_near) & (centre.abs() < kBeyond).all(1) & (length > kMinLength) &
+                   (length < kMaxLength) & (g.opacities.sigmoid() >= kMinAlpha);
   for (const Tensor& t : {g.positions, g.rotations, g.log_scales, g.opacities.unsqueeze(1), g.harmonics.flatten(1)})
     visible = visible & t.isfinite().all(1);
   if (g.normals.defined()) visible = visible & ((g.normals * offset).sum(1) <= 0);
@@ -109,10 +111,10 @@ Tensor blend(const Screen& g, std::int64_t height, std::int64_t width) {
   const auto conic = [&](int i, int j) { return g.conic.select(1, i).select(1, j).view({-1, 1, 1}); };
   const Tensor power = -0.5 * (conic(0, 0) * dx * dx + conic(1, 1) * dy * dy) - conic(0, 1) * dx * dy;
   const Tensor reached = g.opacity.view({-1, 1, 1}) * power.exp();  // [M,H,W]
-  Tensor alpha = torch::where(reached >= kLeastAlpha, reached.clamp_max(kMostAlpha), torch::zeros_like(reached));
+  Tensor alpha = torch::where(reached >= kMinAlpha, reached.clamp_max(kMaxAlpha), torch::zeros_like(reached));
   const Tensor left = (1 - alpha).cumprod(0);
   const Tensor before = torch::cat({torch::ones_like(left.slice(0, 0, 1)), left.slice(0, 0, -1)}, 0);
-  const Tensor weight = torch::where(before >= kLeastTransmittance, alpha * before, torch::zeros_like(alpha));
+  const Tensor weight = torch::where(before >= kMinTransmittance, alpha * before, torch::zeros_like(alpha));
   return torch::matmul(weight.permute({1, 2, 0}), g.value);
 }
 

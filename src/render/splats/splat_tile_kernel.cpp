@@ -5,7 +5,7 @@ namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
 constexpr float kThreshold = -7.99435344f;  // log2(1/255)
-constexpr float kMostAlpha = 0.99f, kLeastTransmittance = 1e-4f;
+constexpr float kMaxAlpha = 0.99f, kMinTransmittance = 1e-4f;
 constexpr int kStride = SplatScratch::kStride;
 
 inline Float8 lane_numbers8() { return Float8{0, 1, 2, 3, 4, 5, 6, 7}; }
@@ -94,7 +94,7 @@ inline int find_runs(const SplatTile& tile, std::int32_t number, SplatScratch& o
 /// Alpha of eight pixels, 0 below the threshold. @param s a dx + b dy
 inline Float8 alpha_of(float exponent, Float8 s) {
   const Float8 e = exponent - s * s;
-  return min8(where8(e >= kThreshold, exp2_8(e)), eight(kMostAlpha));
+  return min8(where8(e >= kThreshold, exp2_8(e)), eight(kMaxAlpha));
 }
 
 inline void fill(float* plane, float value) {
@@ -118,7 +118,7 @@ inline void blend(const SplatRecord* splats, int count, SplatScratch& scratch) {
     const Float8 alpha = next;
     next = alpha_of_run(i + 1);
     const Float8 through = load8(planes[0] + at);
-    const Float8 weight = where8(through >= kLeastTransmittance, alpha * through);
+    const Float8 weight = where8(through >= kMinTransmittance, alpha * through);
     store8(planes[0] + at, through - weight);
     for (int c = 0; c < 3; ++c) store8(planes[1 + c] + at, load8(planes[1 + c] + at) + weight * g.colour[c]);
     if (kDepth) store8(planes[4] + at, load8(planes[4] + at) + weight * g.depth);
@@ -217,7 +217,7 @@ inline void gather(const SplatRecord& g, int begin, int end, SplatScratch& scrat
     const float r = scratch.r[i];
     const Float8 s = lanes + scratch.s[i], alpha = alpha_of(scratch.exponent[i], s);
     const Float8 through = load8(planes[kThrough] + at);
-    const Int8 open = through >= kLeastTransmittance;
+    const Int8 open = through >= kMinTransmittance;
     const Float8 weight = where8(open, alpha * through);
     store8(planes[kThrough] + at, through - weight);
     Float8 value = load8(planes[kAlpha] + at);
@@ -234,7 +234,7 @@ inline void gather(const SplatRecord& g, int begin, int end, SplatScratch& scrat
     const Float8 rest = load8(planes[kRest] + at) - weight * value;
     store8(planes[kRest] + at, rest);
     const Float8 to_alpha = through * value - rest / (1.0f - alpha);
-    const Float8 to_exponent = where8(open & (alpha < kMostAlpha), to_alpha * alpha), along = to_exponent * s;
+    const Float8 to_exponent = where8(open & (alpha < kMaxAlpha), to_alpha * alpha), along = to_exponent * s;
     sum_g += to_exponent;
     sum_gs += along;
     sum_gr += to_exponent * r;

@@ -2,32 +2,9 @@
 
 #include <torch/types.h>
 
+#include "doppel/render/splats/splat_types.h"
+
 namespace doppel {
-
-/// Gaussians in space, with the raw values that files of 3D Gaussian splatting hold. S = (degree + 1)^2 spherical
-/// harmonics, degree 0 to 3.
-struct Splats {
-  torch::Tensor positions;  ///< [B,N,3] centres, world, metres
-  torch::Tensor rotations;  ///< [B,N,4] quaternions w x y z, normalised by `draw_splats`
-  torch::Tensor
-      log_scales;           ///< [B,N,3] natural logarithms of the standard deviations in metres, along the rotated axes
-  torch::Tensor opacities;  ///< [B,N] logits: the opacity at the centre is sigmoid(x)
-  torch::Tensor harmonics;  ///< [B,N,S,3] coefficients of red, green and blue
-  /// [B,N,3] world; a Gaussian whose normal points away from a camera is not drawn there. Undefined: all are drawn.
-  torch::Tensor normals;
-};
-
-struct SplatOptions {
-  float z_near = 0.01f;        ///< metres; Gaussians whose centres are nearer to the camera plane are not drawn
-  bool depth = false;          ///< draw SplatImage::depth too
-  bool use_reference = false;  ///< plain tensor operations also for float32
-};
-
-struct SplatImage {
-  torch::Tensor colour;  ///< [B,C,H,W,3] over black: add (1 - alpha) * background
-  torch::Tensor alpha;   ///< [B,C,H,W] 0 to 1
-  torch::Tensor depth;   ///< [B,C,H,W] sum of weight * metres along the camera's z axis; undefined unless asked for
-};
 
 /// Draws Gaussians (Kerbl et al., 3D Gaussian Splatting for Real-Time Radiance Field Rendering, 2023; EWA splatting).
 /// In the order of their distance from the camera, nearest first, the Gaussians i of a pixel d add up to
@@ -41,11 +18,11 @@ struct SplatImage {
 /// T_i < 1e-4. Y are the real spherical harmonics in the order and with the signs of `view_harmonics`.
 ///
 /// Gradients go to positions, rotations, log_scales, opacities and harmonics. The order, the two thresholds and the
-/// limits of J are held fixed. A Gaussian with a value that is not finite, a quaternion of length 0, or a centre beyond
-/// 2^20 pixels is not drawn and has the gradient 0.
+/// limits of J are held fixed. A Gaussian with a value that is not finite, a quaternion shorter than 1e-12 or longer
+/// than 1e12, or a centre beyond 2^20 pixels is not drawn and has the gradient 0.
 ///
-/// float32 runs the kernel, which has no second derivative. float64 and options.use_reference run the reference, whose
-/// memory is N times that of the images. The result has the same bits for any number of threads.
+/// float32 runs the kernel, which has no second derivative. float64, a torch::jit trace and options.use_reference run
+/// the reference, whose memory is N times that of the images. The result has the same bits for any number of threads.
 ///
 /// All tensors are on the CPU and have the type of `positions`.
 /// @param projection [B,C,3,4] pixels from world metres, pixel centres at +0.5. A matrix of zeros gives an empty image.

@@ -24,16 +24,18 @@ struct Kind {
   double stretch;  ///< of ln(standard deviation)
   double opacity;  ///< mean logit
 };
-const std::vector<Kind> kKinds = {{"round", 0.03, 0.1, 0.0}, {"tilted and thin", 0.03, 1.5, 0.0},
-                                  {"tiny", 2e-4, 0.5, 1.0},  {"huge", 1.0, 0.5, -1.0},
+const std::vector<Kind> kKinds = {{"round", 0.03, 0.1, 0.0},
+                                  {"tilted and thin", 0.03, 1.5, 0.0},
+                                  {"tiny", 2e-4, 0.5, 1.0},
+                                  {"huge", 1.0, 0.5, -1.0},
                                   {"opaque", 0.05, 0.5, 4.0}};
 
 /// Two cameras in front of and beside the origin, the second with skew.
 Tensor two_cameras() {
-  const Tensor front = torch::tensor({60.0, 0.0, 28.0, 28.0 * 2.5, 0.0, 60.0, 20.0, 20.0 * 2.5, 0.0, 0.0, 1.0, 2.5},
-                                     torch::kFloat64);
-  const Tensor side = torch::tensor({26.0, 2.0, -55.0, 26.0 * 2.2, 21.0, 62.0, 1.0, 21.0 * 2.2, 1.0, 0.05, 0.0, 2.2},
-                                    torch::kFloat64);
+  const Tensor front =
+      torch::tensor({60.0, 0.0, 28.0, 28.0 * 2.5, 0.0, 60.0, 20.0, 20.0 * 2.5, 0.0, 0.0, 1.0, 2.5}, torch::kFloat64);
+  const Tensor side =
+      torch::tensor({26.0, 2.0, -55.0, 26.0 * 2.2, 21.0, 62.0, 1.0, 21.0 * 2.2, 1.0, 0.05, 0.0, 2.2}, torch::kFloat64);
   return torch::stack({front, side}).view({1, 2, 3, 4});
 }
 
@@ -111,8 +113,8 @@ TEST(DrawSplatsReference, GradientsAgreeWithCentralDifferences) {
       const Splats s = converted(random_splats(kind, 1, 12, harmonics, false), torch::kFloat64, false);
       const Tensor projection = two_cameras();
       const auto draw = [&](const std::vector<Tensor>& in) {
-        const SplatImage image = draw_splats({in[0], in[1], in[2], in[3], in[4], {}}, projection, kHeight, kWidth,
-                                             {0.01f, true, false});
+        const SplatImage image =
+            draw_splats({in[0], in[1], in[2], in[3], in[4], {}}, projection, kHeight, kWidth, {0.01f, true, false});
         return torch::cat({image.colour, image.alpha.unsqueeze(4), image.depth.unsqueeze(4)}, 4);
       };
       test::GradientOptions options;
@@ -183,12 +185,14 @@ TEST(DrawSplats, APixelTakesNoMoreBelowTheLeastTransmittance) {
   EXPECT_LE(image.alpha[0][0][20][20].item<double>(), 1.0 - 1e-6 + 1e-7);
 }
 
+constexpr std::int64_t kBad = 12;
+
 TEST(DrawSplats, GaussiansThatCannotBeDrawnAreLeftOutAndHaveNoGradient) {
   const Kind& kind = kKinds[0];
   const Tensor projection = two_cameras().to(torch::kFloat32);
   const Splats good = random_splats(kind, 1, 20, 4, false);
   const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
-  Splats bad = random_splats(kind, 1, 28, 4, false);
+  Splats bad = random_splats(kind, 1, 32, 4, false);
   bad.positions[0][0][0] = nan;
   bad.rotations[0][1].fill_(0.0);
   bad.log_scales[0][2][1] = infinity;
@@ -196,19 +200,27 @@ TEST(DrawSplats, GaussiansThatCannotBeDrawnAreLeftOutAndHaveNoGradient) {
   bad.harmonics[0][4][3][0] = nan;
   bad.opacities[0][5] = -30.0;
   bad.opacities[0][6] = nan;
+  bad.log_scales[0][8][0] = -infinity;
+  bad.opacities[0][9] = infinity;
+  bad.rotations[0][10].fill_(1e20f);
+  bad.rotations[0][11].fill_(1e-20f);
   bad.positions[0][7] = torch::tensor({-9.0, 0.0, -9.0});  // behind both cameras
   Splats all = converted(good, torch::kFloat32, true);
   const auto joined = [](const Tensor& a, const Tensor& b) {
-    return torch::cat({a.detach(), b.narrow(1, 0, 8)}, 1).requires_grad_();
+    return torch::cat({a.detach(), b.narrow(1, 0, kBad)}, 1).requires_grad_();
   };
   all = {joined(good.positions, bad.positions),   joined(good.rotations, bad.rotations),
          joined(good.log_scales, bad.log_scales), joined(good.opacities, bad.opacities),
          joined(good.harmonics, bad.harmonics),   {}};
   const SplatImage image = draw_splats(all, projection, kHeight, kWidth);
   EXPECT_TRUE(image.colour.equal(draw_splats(good, projection, kHeight, kWidth).colour));
+  SplatOptions plain;
+  plain.use_reference = true;
+  EXPECT_TRUE(draw_splats(all, projection, kHeight, kWidth, plain)
+                  .colour.equal(draw_splats(good, projection, kHeight, kWidth, plain).colour));
   image.colour.sum().backward();
   for (const Tensor& t : {all.positions, all.rotations, all.log_scales, all.opacities, all.harmonics}) {
-    EXPECT_EQ(t.grad().narrow(1, 20, 8).abs().sum().item<double>(), 0.0);
+    EXPECT_EQ(t.grad().narrow(1, 20, kBad).abs().sum().item<double>(), 0.0);
     EXPECT_GT(t.grad().narrow(1, 0, 20).abs().sum().item<double>(), 0.0);
   }
 }
@@ -265,7 +277,7 @@ TEST(DrawSplats, NothingToDraw) {
 TEST(DrawSplatsRejects, ArgumentsThatDoNotFit) {
   const Splats s = random_splats(kKinds[0], 1, 5, 1, false);
   const Tensor projection = two_cameras().to(torch::kFloat32);
-  const auto changed = [&](Tensor Splats::* member, const Tensor& value) {
+  const auto changed = [&](Tensor Splats::*member, const Tensor& value) {
     Splats other = s;
     other.*member = value;
     return other;
