@@ -8,9 +8,9 @@
 
 namespace doppel {
 
-/// The configuration key of a hybrid that names the run with the stages below it.
+/// The configuration key of a ddc or hybrid that names the run with the stages that have no section.
 inline constexpr char kDdcKey[] = "ddc";
-/// The stages of the chain `ddc` (chapter 6), in the order they are trained in.
+/// The stages of the chain `ddc` (chapter 6, then the Gaussians), in the order they are trained in.
 const std::vector<std::string>& ddc_stages();
 
 /// The folder of a stage. For a run of this stage alone, it is the run itself. Otherwise it is the folder of the

@@ -46,8 +46,8 @@ void StageChain::read_sections(const ConfigReader& root) {
   std::vector<std::string> known = kSharedKeys;
   known.emplace_back("stage");
   for (const std::string& key : kSharedKeys) root.has(key);
-  if (name_ == "hybrid") known.emplace_back(kDdcKey);
-  if (name_ == "hybrid" && root.has(kDdcKey)) root.path(kDdcKey);
+  if (borrows_from_ddc()) known.emplace_back(kDdcKey);
+  if (borrows_from_ddc() && root.has(kDdcKey)) root.path(kDdcKey);
   std::string first;
   for (const StageEntry& entry : stage_table()) {
     if (!contains(entry.chains, name_)) continue;
@@ -69,7 +69,7 @@ void StageChain::read_sections(const ConfigReader& root) {
 
 void StageChain::read_section(const ConfigReader& root, const std::string& stage) {
   if (!root.has(stage)) {
-    if (name_ == "hybrid" && root.has(kDdcKey) && contains(ddc_stages(), stage)) sections_[stage] = Section::borrowed;
+    if (borrows_from_ddc() && root.has(kDdcKey) && contains(ddc_stages(), stage)) sections_[stage] = Section::borrowed;
     return;
   }
   const ConfigReader section = root.section(stage);

@@ -13,8 +13,8 @@ namespace doppel {
 /// A configuration and the stages it describes. `stage: egnet` and `stage: posenet` are single stages. `stage: ddc`,
 /// `stage: hybrid` and `stage: deepcap` are chains, with `capture`, `seed` and `character` at the top and one section
 /// per stage. A section has the keys of that stage's own configuration file; a stage without a section is left out. A
-/// section with the single key `run: FOLDER` borrows the stage from another run; `ddc: FOLDER` at the top of a hybrid
-/// borrows all stages of a run.
+/// section with the single key `run: FOLDER` borrows the stage from another run; `ddc: FOLDER` at the top of a ddc or
+/// hybrid borrows all stages of a run that have no section.
 class StageChain {
  public:
   /// Reads all sections, so that an error in the last one is reported before the first stage is trained.
@@ -36,6 +36,7 @@ class StageChain {
 
  private:
   enum class Section { own, borrowed };
+  bool borrows_from_ddc() const { return name_ == "ddc" || name_ == "hybrid"; }
   void read_sections(const ConfigReader& root);
   void read_section(const ConfigReader& root, const std::string& stage);
 

@@ -65,6 +65,10 @@ texnet:
   model: {size: 128, levels: 4, width: 0.1, dropout: 0.5, camera_centre: root_relative, residual: true}
   loss: {distance: squares}
   train: {iterations: 12, learning_rate: 2e-4, log_every: 1}
+gaussians:
+  data: {batch_size: 3, image_size: 48, pose_noise: 0.01}
+  model: {size: 64, levels: 4, width: 0.1, lit: true}
+  train: {iterations: 12, learning_rate: 1e-4, log_every: 1}
 radiance:
   data: {cameras_per_sample: 2}
   model:
@@ -104,7 +108,7 @@ class RanksOfActors : public ::testing::Test {
   static void expect_like_one(const std::string& stage, int world) {
     SCOPED_TRACE(stage + " with " + std::to_string(world) + " ranks");
     std::vector<std::string> overrides;
-    for (const std::string name : {"egnet", "lighting", "deltanet", "texnet", "radiance", "nerf"})
+    for (const std::string name : {"egnet", "lighting", "deltanet", "texnet", "gaussians", "radiance", "nerf"})
       if (name != stage) overrides.push_back(name + "={run: " + (*folder_ / "one").string() + "}");
     const fs::path out = *folder_ / (stage + std::to_string(world));
     train([&] { return chain(overrides); }, out, world);
@@ -121,6 +125,7 @@ TEST_F(RanksOfActors, EgNet) {
 TEST_F(RanksOfActors, Lighting) { expect_like_one("lighting", 2); }
 TEST_F(RanksOfActors, DeltaNet) { expect_like_one("deltanet", 2); }
 TEST_F(RanksOfActors, TexNet) { expect_like_one("texnet", 2); }
+TEST_F(RanksOfActors, Gaussians) { expect_like_one("gaussians", 2); }
 TEST_F(RanksOfActors, Hybrid) { expect_like_one("radiance", 2); }
 TEST_F(RanksOfActors, Nerf) { expect_like_one("nerf", 2); }
 

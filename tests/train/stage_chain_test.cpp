@@ -5,12 +5,14 @@
 
 #include <fstream>
 
+#include "doppel/actor/draw.h"
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/trained_actor.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/process.h"
 #include "doppel/data/dataset/batch_builder.h"
+#include "doppel/losses/images.h"
 #include "doppel/train/delta_net_stage.h"
 #include "doppel/train/lighting_stage.h"
 #include "doppel/train/stage_table.h"
@@ -46,6 +48,10 @@ texnet:
   model: {size: 256, levels: 4, width: 0.1, dropout: 0.5, camera_centre: root_relative, residual: true, lit: true, surface_normals: true}
   loss: {distance: squares}
   train: {iterations: 8, learning_rate: 0.002, log_every: 2, checkpoint_every: 3}
+gaussians:
+  data: {batch_size: 2, image_size: 48, pose_noise: 0.01}
+  model: {size: 64, levels: 4, width: 0.1, lit: true}
+  train: {iterations: 8, learning_rate: 0.001, log_every: 2, checkpoint_every: 3}
 )";
 
 StageChain chain_of(const std::string& text, const std::vector<std::string>& overrides = {}) {
@@ -80,7 +86,7 @@ using StageChainReference = Chain;
 using StageChainRejects = Chain;
 
 TEST_F(StageChainReference, TrainsEveryStageInItsOwnFolderAndReportsThemTogether) {
-  ASSERT_EQ(summaries_.size(), 4u);
+  ASSERT_EQ(summaries_.size(), 5u);
   for (const StageSummary& item : summaries_) {
     EXPECT_EQ(item.summary.reason, StopReason::finished);
     EXPECT_TRUE(fs::exists(RunFolder(*folder_ / "run" / item.stage).report())) << item.stage;
@@ -120,7 +126,7 @@ TEST_F(StageChainReference, ASecondCallFindsEverythingDone) {
 
 TEST_F(StageChainReference, TheTrainedActorHasWhatWasTrained) {
   TrainedActor actor = TrainedActor::load(*folder_ / "run");
-  ASSERT_TRUE(actor.lighting && actor.deltanet && actor.texnet);
+  ASSERT_TRUE(actor.lighting && actor.deltanet && actor.texnet && actor.gaussians);
   const Dataset dataset = Dataset::open(prepared_);
   BatchOptions options;
   options.past_frames = actor.past_frames();
@@ -203,7 +209,7 @@ TEST_F(LightingStageRecovers, TheLightOfANewCameraFromThoseThatAreHeldTogether) 
 
 TEST_F(StageChainRecovers, DeltaNetAndTexNetResumedEqualAnUnbrokenRunToTheBit) {
   const StageChain whole = chain();
-  for (const std::string stage : {"deltanet", "texnet"}) {
+  for (const std::string stage : {"deltanet", "texnet", "gaussians"}) {
     const fs::path resumed = *folder_ / ("resumed-" + stage);
     fs::copy(*folder_ / "run", resumed, fs::copy_options::recursive);
     fs::remove_all(resumed / stage / "checkpoints");
@@ -233,12 +239,43 @@ TEST_F(StageChainReference, AFileOfOneStageTrainsIntoTheFolderItself) {
 
 TEST_F(StageChainReference, AStageCanComeFromAnotherRun) {
   const std::string run = (*folder_ / "run").string();
-  const auto summaries = train_stages(chain({"egnet={run: " + run + "}", "lighting={run: " + run + "}",
-                                             "deltanet.train.iterations=2", "texnet={run: " + run + "}"}),
-                                      *folder_ / "borrower", {});
+  const auto summaries =
+      train_stages(chain({"egnet={run: " + run + "}", "lighting={run: " + run + "}", "deltanet.train.iterations=2",
+                          "texnet={run: " + run + "}", "gaussians={run: " + run + "}"}),
+                   *folder_ / "borrower", {});
   ASSERT_EQ(summaries.size(), 1u);
   EXPECT_EQ(summaries[0].stage, "deltanet");
   EXPECT_EQ(TrainedActor::load(*folder_ / "borrower").steps.at("egnet"), 12);
+}
+
+TEST_F(StageChainRecovers, TheImagesByGaussiansOnTheStagesOfAnotherRun) {
+  const fs::path out = *folder_ / "gaussians";
+  const std::string text =
+      "stage: ddc\ncapture: " + prepared_.string() + "\nddc: " + (*folder_ / "run").string() +
+      "\ngaussians:\n  data: {batch_size: 4, image_size: 48}\n  model: {size: 64, network: false}\n"
+      "  train: {iterations: 120, learning_rate: 2e-3, schedule: cosine, log_every: 10}\n";
+  const auto summaries = train_stages(chain_of(text), out, {});
+  ASSERT_EQ(summaries.size(), 1u);
+  EXPECT_EQ(summaries[0].stage, "gaussians");
+  const std::vector<MetricsRecord> metrics = read_metrics(out / "gaussians" / "metrics.jsonl");
+  EXPECT_LT(metrics.back().loss, 0.8 * metrics.front().loss);
+
+  TrainedActor actor = TrainedActor::load(out);
+  const Dataset dataset = Dataset::open(prepared_);
+  BatchOptions options;
+  options.past_frames = actor.past_frames();
+  options.images = true;
+  const Batch batch = make_batch(dataset, {dataset.samples(Split::train)[2]}, {{0}}, options);
+  const std::int64_t size = batch.image.size(2);
+  const torch::Tensor vertices = actor.fine(batch.dofs), projection = batch.image_projection.select(1, 0);
+  const SplatImage drawn = draw_gaussians(actor, batch.dofs, projection, vertices, size, size);
+  const torch::Tensor mask = batch.image_mask.gt(0), covered = drawn.alpha > 0.5;
+  const double overlap = (mask & covered).sum().item<double>() / (mask | covered).sum().item<double>();
+  EXPECT_GT(overlap, 0.8);  // of images of 48 pixels, where the outline is a tenth of the person
+  const torch::Tensor image = image_float(batch.image) * mask.unsqueeze(4);
+  const ShadedImage textured =
+      draw(*actor.mesh, vertices, static_appearance(actor), batch.image_projection, size, size);
+  EXPECT_LT((drawn.colour - image).abs().mean().item<double>(), (textured.colour - image).abs().mean().item<double>());
 }
 
 TEST_F(StageChainRecovers, AnAnchorKeepsVerticesNearEgNetsSurface) {
@@ -280,6 +317,8 @@ TEST_F(StageChainRejects, MistakesWithFileAndLine) {
   EXPECT_THAT(message_of([] { chain_of("capture: x\nstage: ddc\ndeltanet: {}\n"); }), HasSubstr("egnet"));
   EXPECT_THAT(message_of([] { chain({"texnet.data.cameras_per_sample=2"}); }), HasSubstr("only 1 is allowed"));
   EXPECT_THAT(message_of([] { chain({"texnet.model.size=300"}); }), HasSubstr("power of two"));
+  EXPECT_THAT(message_of([] { chain({"gaussians.data.cameras_per_sample=2"}); }), HasSubstr("only 1 is allowed"));
+  EXPECT_THAT(message_of([] { chain({"gaussians.model.size=300"}); }), HasSubstr("power of two"));
   EXPECT_THAT(message_of([] { chain({"texnet.model.residual=false"}); }), HasSubstr("residual: true"));
   EXPECT_THAT(message_of([] { chain({"texnet.loss.distance=square"}); }), HasSubstr("squares"));
   EXPECT_THAT(message_of([] { stage_entry("deltnet"); }), HasSubstr("did you mean deltanet?"));
@@ -303,7 +342,15 @@ TEST(StageChainConfigReference, ShippedConfigurationsAreRead) {
     const auto path = fs::path(DOPPEL_SOURCE_DIR) / "configs" / size / "ddc.yaml";
     const StageChain chain = StageChain::read(ConfigDocument::load(path, {"capture=/somewhere"}));
     EXPECT_EQ(chain.capture(), "/somewhere");
+    for (const std::string& stage : ddc_stages())
+      EXPECT_EQ(chain.has(stage), stage != "gaussians") << size << " " << stage;
+  }
+  for (const std::string size : {"tiny", "small"}) {
+    const auto path = fs::path(DOPPEL_SOURCE_DIR) / "configs" / size / "gaussians.yaml";
+    const StageChain chain = StageChain::read(ConfigDocument::load(path, {"capture=/somewhere", "ddc=/run"}));
     for (const std::string& stage : ddc_stages()) EXPECT_TRUE(chain.has(stage)) << size << " " << stage;
+    EXPECT_FALSE(chain.borrowed("gaussians"));
+    EXPECT_TRUE(chain.borrowed("texnet"));
   }
   const StageChain paper = StageChain::read(
       ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/ddc.yaml", {"capture=/somewhere"}));
