@@ -27,6 +27,13 @@ evaluate() {
     { echo "evaluation of $folder/$1 failed:" && tail -3 "$folder/$1.log"; return 1; } >&2
   mv "$folder/$2.json.part" "$folder/$2.json"
 }
+# once FILE COMMAND ...: runs a command of doppel that writes FILE, unless FILE is there; messages go to steps.log
+once() {
+  [ -e "$folder/$1" ] && return
+  echo "doppel ${*:2:2} ... ($1)" >&2
+  "$doppel" "${@:2}" >/dev/null 2>>"$folder/steps.log" ||
+    { echo "$* failed:" && tail -3 "$folder/steps.log"; return 1; } >&2
+}
 # as_options KEY=VALUE ...: fills the array `options` with --set KEY=VALUE ...
 as_options() {
   local change

@@ -16,13 +16,6 @@ mkdir -p "$folder"
 read -ra all <<<"${cameras//,/ }"
 read -ra left_out <<<"${LEFT_OUT:-${all[*]}}"
 
-# once FILE COMMAND ...: runs a command of doppel that writes FILE, unless FILE is there; messages go to FOLDER/filmed.log
-once() {
-  [ -e "$folder/$1" ] && return
-  echo "doppel ${*:2:2} ... ($1)" >&2
-  "$doppel" "${@:2}" >/dev/null 2>>"$folder/filmed.log" ||
-    { echo "$* failed:" && tail -3 "$folder/filmed.log"; return 1; } >&2
-}
 # without CAMERA: the names of the other cameras
 without() { printf '%s\n' "${all[@]}" | grep -vx -- "$1" | paste -sd,; }
 
@@ -52,8 +45,11 @@ actor() {
       deltanet.train.iterations="$(steps 700)" texnet.train.iterations="$(steps 2500)" \
       egnet.loss.anchor=1e7 egnet.loss.arap=1500 texnet.model.size=256 texnet.model.detail=4
     train "$here/run-$seed" configs/small/ddc.yaml "${options[@]}"
-    evaluate "$here/run-$seed" "$here.new-$seed" --split test --every 4 --cameras "$here"
-    evaluate "$here/run-$seed" "$here.trained-$seed" --split test --every 4 --cameras "$others"
+    as_options seed="$seed" capture="$out/refined-prepared" ddc="$out/run-$seed" gaussians.data.cameras="[$others]" \
+      gaussians.model.network=false gaussians.train.iterations=600
+    train "$here/gaussians-$seed" configs/small/gaussians.yaml "${options[@]}"
+    evaluate "$here/gaussians-$seed" "$here.new-$seed" --split test --every 4 --cameras "$here"
+    evaluate "$here/gaussians-$seed" "$here.trained-$seed" --split test --every 4 --cameras "$others"
   done
   [ -f "$out.before.json" ] || "$doppel" evaluate --capture "$out/tracked-prepared" --split test --every 4 \
     --cameras "$here" --json >"$out.before.json"
@@ -68,7 +64,7 @@ list="[$(IFS=,; echo "${left_out[*]}")]"
   for method in skinning egnet deltanet; do
     echo "| AMVIoU, \`$method\` | {$list.new-@.json $method AMVIoU 4} | {$list.trained-@.json $method AMVIoU 4} |"
   done
-  for method in static lit texnet; do
+  for method in static lit texnet gaussians; do
     for figure in "PSNR 2" "SSIM 4" "sharpness 3"; do
       read -r key digits <<<"$figure"
       echo "| $key, \`$method\` | {$list.new-@.json $method $key $digits} | {$list.trained-@.json $method $key $digits} |"

@@ -32,7 +32,7 @@ constexpr double kCoverageBound =
     0.2;  // ms and core: set-up and exact coverage of such a mesh by a good vector rasterizer
 constexpr double kLimitOneThread = 0.41;  // ms at 512^2: the same plus depth, barycentrics and writing them
 
-bool same_faces(const char* peer, const Tensor& ours, const std::vector<int>& theirs) {
+[[maybe_unused]] bool same_faces(const char* peer, const Tensor& ours, const std::vector<int>& theirs) {
   const Tensor other =
       torch::from_blob(const_cast<int*>(theirs.data()), {static_cast<std::int64_t>(theirs.size())}, torch::kInt32);
   const double share = (ours.flatten() == other).to(torch::kFloat64).mean().item<double>();

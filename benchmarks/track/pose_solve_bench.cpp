@@ -10,6 +10,7 @@
 #include <memory>
 #include <random>
 
+#include "doppel/character/observable_dofs.h"
 #include "doppel/core/as_size.h"
 #include "doppel/synth/actor.h"
 #include "doppel/synth/performance.h"
