@@ -17,11 +17,15 @@ chain() {
   local run="ddc-$1" options
   as_options seed="$1" capture="$folder/prepared" {egnet,lighting,deltanet,texnet}.data.cameras="[$trained]"
   train "$run" configs/small/ddc.yaml "${options[@]}"
+  as_options seed="$1" capture="$folder/prepared" ddc="$folder/$run" gaussians.data.cameras="[$trained]"
+  train "$run-gaussians" configs/small/gaussians.yaml "${options[@]}"
   evaluate "$run" "$run.geometry" --split test --every 2
   evaluate "$run" "$run.train" --split train --every 4
   local split cameras
   for split in train test; do
-    for cameras in $trained $new; do evaluate "$run" "$run.$split.$cameras" --split $split --every 8 --cameras $cameras; done
+    for cameras in $trained $new; do
+      evaluate "$run-gaussians" "$run.$split.$cameras" --split $split --every 8 --cameras "$cameras"
+    done
   done
 }
 for seed in "${seeds[@]}"; do side_by_side chain "$seed"; done
@@ -43,14 +47,18 @@ all_done
   echo
   echo "| test movement, cameras $trained | masked MSE |"
   echo "|---|---:|"
-  for method in static lit texnet; do echo "| \`$method\` | {ddc-@.test.$trained.json $method MSE 1} |"; done
+  for method in static lit texnet gaussians; do
+    echo "| \`$method\` | {ddc-@.test.$trained.json $method MSE 1} |"
+  done
   echo
-  echo "| motion | cameras | MSE | SSIM |"
-  echo "|---|---|---:|---:|"
+  echo "| motion | cameras | | MSE | SSIM | MSE as filmed |"
+  echo "|---|---|---|---:|---:|---:|"
   for split in train test; do
     for cameras in $trained $new; do
       file=ddc-@.$split.$cameras.json
-      echo "| $split | $cameras | {$file texnet MSE 1} | {$file texnet SSIM 4} |"
+      for method in texnet gaussians; do
+        echo "| $split | $cameras | \`$method\` | {$file $method MSE 1} | {$file $method SSIM 4} | {$file $method filmed MSE 1} |"
+      done
     done
   done
 } | write_table studio "scripts/studio.sh CAPTURE SEQUENCE"

@@ -20,7 +20,7 @@ using torch::Tensor;
 static_assert(std::endian::native == std::endian::little, "both formats take the bytes of floats as they are");
 
 constexpr double kHarmonicOfDegree0 = 0.28209479177387814;
-constexpr std::int64_t kMostGlbBytes = 4'000'000'000;  // a .glb file counts its bytes in 32 bits
+constexpr std::int64_t kMaxGlbBytes = 4'000'000'000;  // a .glb file counts its bytes in 32 bits
 constexpr const char* kSplatExtension = "KHR_gaussian_splatting";
 
 /// The M Gaussians that go into a file.
@@ -190,7 +190,7 @@ void write_splat_glb(const std::filesystem::path& file, const Splats& splats, st
   const std::string action = "writing " + file.string();
   check_written(action.c_str(), splats, item);
   const std::int64_t count = splats.positions.size(1), width = 15 + 3 * splats.harmonics.size(2);
-  if (count > kMostGlbBytes / (4 * width))
+  if (count > kMaxGlbBytes / (4 * width))
     fail("{}: {} Gaussians of {} bytes need {:.1f} GB, and a .glb file holds 4 GB; write fewer, or a .ply file", action,
          count, 4 * width, static_cast<double>(4 * width) * static_cast<double>(count) / 1e9);
   const tinygltf::Model model = splat_model(written_splats(action, splats, item));
