@@ -279,8 +279,9 @@ Performer make_performer(const AnimateOptions& options) {
           options.run, options.run);
     if (options.renderer == "gaussians" && !performer.trained->gaussians)
       fail(
-          "{} has no checkpoint of the stage gaussians; add its section to the configuration of the run "
-          "(configs/small/ddc.yaml) and train it: doppel train CONFIG --stages gaussians --out {}",
+          "{} has no checkpoint of the stage gaussians; train it first: doppel train configs/small/gaussians.yaml "
+          "--set "
+          "capture=PREPARED --set ddc={} --out NEW",
           options.run, options.run);
     performer.character = performer.trained->character;
     return performer;
@@ -364,7 +365,10 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
   if (options.wants("ply") || options.wants("splat-glb")) {
     const SplatFunction splats = performer.splats();
     if (!splats)
-      fail<UsageError>("--format ply and splat-glb need an actor with Gaussians: --run RUN with the stage gaussians");
+      fail<UsageError>(
+          "--format ply and splat-glb need an actor with Gaussians: --run RUN of `doppel train "
+          "configs/small/gaussians.yaml "
+          "--set capture=PREPARED --set ddc=CHAIN --out RUN`");
     writers.push_back(make_splat_writer(options.out, splats, camera_path(options, character, fps, read_studio(options)),
                                         {options.wants("ply"), options.wants("splat-glb")}));
   }
@@ -551,8 +555,9 @@ void add_figure_options(CLI::App& app, AnimateOptions& options) {
 Command add_animate(CLI::App& program) {
   auto options = std::make_shared<AnimateOptions>();
   CLI::App* app = program.add_subcommand("animate", "Drive a character with a motion: vertices, meshes, images, video");
-  app->add_option("--format", options->formats,
-                  "npy, obj, mp4, png, motion, bvh, glb, usda, pc2, mdd, texture, or several with commas")
+  app->add_option(
+         "--format", options->formats,
+         "npy, obj, mp4, png, motion, bvh, glb, usda, pc2, mdd, texture, ply, splat-glb, or several with commas")
       ->delimiter(',')
       ->check(CLI::IsMember(
           {"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "usda", "pc2", "mdd", "texture", "ply", "splat-glb"}))

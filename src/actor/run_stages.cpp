@@ -13,12 +13,20 @@ const std::vector<std::string>& ddc_stages() {
   return stages;
 }
 
+bool comes_from_ddc(const ConfigReader& root, const std::string& stage) {
+  for (const std::string& earlier : ddc_stages()) {
+    if (earlier == stage) return !root.has(stage);
+    if (root.has(earlier) && !root.section(earlier).has("run")) return false;
+  }
+  return false;
+}
+
 fs::path stage_folder(const fs::path& run, const std::string& stage) {
   const ConfigDocument document = ConfigDocument::load(RunFolder(run).config());
   const ConfigReader root = document.root();
   if (root.get("stage", "egnet") == stage) return run;
-  const bool of_ddc = std::find(ddc_stages().begin(), ddc_stages().end(), stage) != ddc_stages().end();
-  if (!root.has(stage)) return of_ddc && root.has(kDdcKey) ? stage_folder(root.path(kDdcKey), stage) : run / stage;
+  if (!root.has(stage))
+    return root.has(kDdcKey) && comes_from_ddc(root, stage) ? stage_folder(root.path(kDdcKey), stage) : run / stage;
   const ConfigReader section = root.section(stage);
   return section.has("run") ? stage_folder(section.path("run"), stage) : run / stage;
 }

@@ -8,10 +8,13 @@
 
 namespace doppel {
 
-/// The configuration key of a ddc or hybrid that names the run with the stages that have no section.
+/// The configuration key of a ddc or hybrid that names the run with the stages before the first section.
 inline constexpr char kDdcKey[] = "ddc";
 /// The stages of the chain `ddc` (chapter 6, then the Gaussians), in the order they are trained in.
 const std::vector<std::string>& ddc_stages();
+/// Whether a run with the key `ddc` takes a stage without a section from that run: not if an earlier stage has a
+/// section of its own, because the stage was trained on another surface. @param root the configuration
+bool comes_from_ddc(const ConfigReader& root, const std::string& stage);
 
 /// The folder of a stage. For a run of this stage alone, it is the run itself. Otherwise it is the folder of the
 /// stage's name in the run, or the folder of the other run from which the run's configuration takes the stage.

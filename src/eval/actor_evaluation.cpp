@@ -103,7 +103,7 @@ RenderedImages gaussian_images(const ActorEvaluation& evaluation, const ImageReq
   };
   const SplatImage drawn =
       draw_gaussians(actor, window, request.projection.select(1, 0), vertices, request.size, request.size);
-  RenderedImages images{drawn.colour, drawn.alpha > 0};
+  RenderedImages images{drawn.colour, drawn.alpha > 0.5};
   images.alpha = drawn.alpha;
   images.filmed = [draw_frame, request](std::size_t b) {
     const SplatImage image = draw_frame(b, request.filmed_projection(b)[0], request.sides[b], request.sides[b]);
@@ -111,7 +111,7 @@ RenderedImages gaussian_images(const ActorEvaluation& evaluation, const ImageReq
   };
   images.whole = [draw_frame, camera = evaluation.dataset.camera(request.camera)](std::size_t b) {
     const SplatImage image = draw_frame(b, projection_tensor({camera}), camera.height, camera.width);
-    return WholeDrawing{image.colour[0][0], image.alpha[0][0] > 0, image.alpha[0][0]};
+    return WholeDrawing{image.colour[0][0], image.alpha[0][0] > 0.5, image.alpha[0][0]};
   };
   return images;
 }

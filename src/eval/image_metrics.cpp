@@ -168,11 +168,13 @@ RenderedImages checked(const RenderedImages& drawn, const ImageRequest& request)
   const auto B = static_cast<std::int64_t>(request.samples.size()), S = std::int64_t{request.size};
   const bool fits = drawn.colour.defined() && drawn.covered.defined() && drawn.colour.is_floating_point() &&
                     drawn.colour.numel() == B * S * S * 3 && drawn.covered.numel() == B * S * S &&
-                    drawn.colour.size(-1) == 3 && drawn.colour.size(-2) == S && drawn.covered.size(-1) == S;
+                    drawn.colour.size(-1) == 3 && drawn.colour.size(-2) == S && drawn.covered.size(-1) == S &&
+                    (!drawn.alpha.defined() || drawn.alpha.sizes() == drawn.covered.sizes());
   if (!fits)
     fail<UsageError>(
-        "evaluation of images: a drawing must be float [{},{},{},3] with its coverage, found [{}] and [{}]", B, S, S,
-        drawn.colour.defined() ? fmt::format("{}", fmt::join(drawn.colour.sizes(), ",")) : "",
+        "evaluation of images: a drawing must be float [{},{},{},3], with coverage and alpha of one shape, found [{}] "
+        "and [{}]",
+        B, S, S, drawn.colour.defined() ? fmt::format("{}", fmt::join(drawn.colour.sizes(), ",")) : "",
         drawn.covered.defined() ? fmt::format("{}", fmt::join(drawn.covered.sizes(), ",")) : "");
   return {eight_bit_colours(drawn.colour).view({B, S, S, 3}), coverage_bytes(drawn.covered).view({B, S, S}),
           drawn.filmed, drawn.whole, drawn.alpha.defined() ? drawn.alpha.view({B, S, S}) : torch::Tensor()};
@@ -183,10 +185,13 @@ WholeDrawing checked_whole(const WholeDrawing& drawn, const PinholeCamera& camer
   const std::int64_t H = camera.height, W = camera.width;
   const bool fits = drawn.colour.defined() && drawn.covered.defined() && drawn.colour.is_floating_point() &&
                     drawn.colour.sizes() == torch::IntArrayRef({H, W, 3}) &&
-                    drawn.covered.sizes() == torch::IntArrayRef({H, W});
+                    drawn.covered.sizes() == torch::IntArrayRef({H, W}) &&
+                    (!drawn.alpha.defined() || drawn.alpha.sizes() == drawn.covered.sizes());
   if (!fits)
-    fail<UsageError>("evaluation of images: a whole drawing must be float [{},{},3] with its coverage, found [{}]", H,
-                     W, drawn.colour.defined() ? fmt::format("{}", fmt::join(drawn.colour.sizes(), ",")) : "");
+    fail<UsageError>(
+        "evaluation of images: a whole drawing must be float [{},{},3], with coverage and alpha of one shape, found "
+        "[{}]",
+        H, W, drawn.colour.defined() ? fmt::format("{}", fmt::join(drawn.colour.sizes(), ",")) : "");
   return {eight_bit_colours(drawn.colour), coverage_bytes(drawn.covered), drawn.alpha};
 }
 
@@ -203,6 +208,11 @@ cv::Mat inside(const cv::Mat& image, const cv::Mat& mask) {
   return result;
 }
 
+/// A drawing over black. @param alpha as in drawn_over
+cv::Mat drawn_over_black(const cv::Mat& drawn, const cv::Mat& covered, const torch::Tensor& alpha) {
+  return alpha.defined() ? drawn : inside(drawn, covered);
+}
+
 /// A drawing over a background. @param alpha float32 [H,W], `drawn` is over black; undefined: 1 where covered
 cv::Mat drawn_over(const cv::Mat& drawn, const cv::Mat& covered, const torch::Tensor& alpha,
                    const cv::Mat& background) {
@@ -217,18 +227,19 @@ cv::Mat drawn_over(const cv::Mat& drawn, const cv::Mat& covered, const torch::Te
   return image_view(rounded).clone();
 }
 
-/// @param over `drawn` over the background @param true_person `ground_truth` inside `mask`
-PhotometricScores score(const cv::Mat& drawn, const cv::Mat& covered, const cv::Mat& ground_truth, const cv::Mat& mask,
+/// @param shown the drawing over black @param over the drawing over the background @param true_person `ground_truth`
+/// inside `mask`
+PhotometricScores score(const cv::Mat& shown, const cv::Mat& covered, const cv::Mat& ground_truth, const cv::Mat& mask,
                         const cv::Mat& true_person, const cv::Mat& over) {
   PhotometricScores scores;
   cv::Mat missing = true_person.clone();
-  scores.masked = compare_images(inside(inside(drawn, covered), mask), true_person);
+  scores.masked = compare_images(inside(shown, mask), true_person);
   scores.full = compare_images(over, ground_truth);
   missing.setTo(cv::Scalar::all(0), covered);
   scores.missing_MSE = mean_square(missing, cv::Mat::zeros(ground_truth.size(), CV_8UC3));
   scores.foreground = static_cast<double>(cv::countNonZero(mask)) / static_cast<double>(mask.total());
   const cv::Mat both = mask & covered;
-  scores.drawn_detail = detail_energy(drawn, both);
+  scores.drawn_detail = detail_energy(shown, both);
   scores.filmed_detail = detail_energy(ground_truth, both);
   return scores;
 }
@@ -257,13 +268,13 @@ class CameraComparison {
       const CropBox box = dataset_.crop_box(samples[b], camera_);
       const int size = dataset_.image_size();
       const cv::Mat colour = image_view(drawn.colour[i]), covered = image_view(drawn.covered[i]);
-      PhotometricScores scores =
-          score(colour, covered, image, person, true_person,
-                drawn_over(colour, covered, drawn.alpha.defined() ? drawn.alpha[i] : torch::Tensor(),
-                           background_crop(studio_, box, size)));
+      const torch::Tensor alpha = drawn.alpha.defined() ? drawn.alpha[i] : torch::Tensor();
+      const cv::Mat shown = drawn_over_black(colour, covered, alpha);
+      PhotometricScores scores = score(shown, covered, image, person, true_person,
+                                       drawn_over(colour, covered, alpha, background_crop(studio_, box, size)));
       if (drawn.filmed)
         scores.filmed = compare_images(inside(filmed_image(drawn.filmed(b), studio_, box, size), person), true_person);
-      if (options_.lpips) scores.LPIPS = options_.lpips->distance(inside(inside(colour, covered), person), true_person);
+      if (options_.lpips) scores.LPIPS = options_.lpips->distance(inside(shown, person), true_person);
       if (whole_frames_ && drawn.whole) compare_whole(samples[b], drawn.whole(b), scores);
       scores_.push_back(scores);
     }
@@ -289,9 +300,9 @@ class CameraComparison {
     const cv::Mat mask = dataset_.mask(sample, camera_);
     const std::string& sequence = dataset_.sequences().at(as_size(sample.sequence)).name;
     const cv::Mat filmed = rgb_of(whole_frames_->read(sequence, sample.frame));
-    scores.whole = compare_images(inside(inside(colour, covered), mask), inside(filmed, mask));
+    scores.whole = compare_images(inside(drawn_over_black(colour, covered, drawn.alpha), mask), inside(filmed, mask));
     if (studio_.empty()) return;
-    scores.whole_full = compare_images(drawn_over(colour, covered, drawing.alpha, rgb_of(studio_)), filmed);
+    scores.whole_full = compare_images(drawn_over(colour, covered, drawn.alpha, rgb_of(studio_)), filmed);
   }
 
   const Dataset& dataset_;

@@ -52,7 +52,7 @@ struct ImageRequest {
 struct WholeDrawing {
   torch::Tensor colour;   ///< float32 [H,W,3], RGB 0..1
   torch::Tensor covered;  ///< bool or uint8 [H,W]
-  torch::Tensor alpha{};  ///< float32 [H,W] 0..1, `colour` is over black; undefined: 1 where covered
+  torch::Tensor alpha{};  ///< float32 [H,W] 0..1, then `colour` is over black; undefined: 1 where covered
 };
 /// The output of a renderer.
 struct RenderedImages {
@@ -65,8 +65,8 @@ struct RenderedImages {
   /// Draws frame b in the whole image of the camera, at the camera's resolution; empty if the renderer cannot do this.
   /// Called only for EvaluationOptions::whole_frames, outside the measured time.
   std::function<WholeDrawing(std::size_t b)> whole = nullptr;
-  /// float32 of the shape of `covered`, 0..1, where parts of pixels are covered: `colour` is then over black.
-  /// Undefined: 1 where covered.
+  /// float32 0..1 of the shape of `covered`, for a drawing that covers parts of pixels. `colour` is then over black and
+  /// counts everywhere; `covered` only says where something is missing. Undefined: 1 where covered.
   torch::Tensor alpha{};
 };
 using ImageFunction = std::function<RenderedImages(const ImageRequest&)>;

@@ -28,6 +28,7 @@ void check_images(const Tensor& a, const Tensor& b) {
   check_shape("similarity_loss", "a", a, {-1, -1, -1, -1, 3}, "[B,C,H,W,3]");
   check_shape("similarity_loss", "b", b, a.sizes(), "[B,C,H,W,3]");
   check_same_kind("similarity_loss", "b", b, a);
+  check_tensor("similarity_loss", "a", a, {torch::kFloat32, torch::kFloat64}, a.sizes());
   if (a.size(2) < kSsimWindow || a.size(3) < kSsimWindow)
     fail<UsageError>("similarity_loss: images of {} x {} pixels; each side must have at least {}", a.size(3), a.size(2),
                      kSsimWindow);
@@ -71,6 +72,11 @@ Box lit_box(const float* a, const float* b, std::int64_t height, std::int64_t wi
   return box;
 }
 
+std::int64_t scratch_floats(std::int64_t columns) {
+  const std::int64_t n = 3 * columns, pixels = n + 3 * (kSsimWindow - 1);
+  return kernels::kSsimMoments * (kernels::kSsimRows + kSsimStrip) * n + 3 * pixels;
+}
+
 /// The mean of 1 - similarity of an image, and its gradient times `scale` in `gradient`, which is 0 before; null: none.
 double image_loss(const float* a, const float* b, std::int64_t height, std::int64_t width, float* gradient) {
   const Box lit = lit_box(a, b, height, width);
@@ -81,7 +87,7 @@ double image_loss(const float* a, const float* b, std::int64_t height, std::int6
   if (lit.x1 <= lit.x0 || x1 <= x0 || y1 <= y0) return 0.0;
   const std::vector<double> precise = window_weights();
   const std::vector<float> weights(precise.begin(), precise.end());
-  std::vector<float> scratch(as_size(kernels::similarity_scratch(x1 - x0)));
+  std::vector<float> scratch(as_size(scratch_floats(x1 - x0)));
   double lost = 0.0;
   for (std::int64_t y = y0; y < y1; y += kSsimStrip) {
     const std::int64_t end = std::min<std::int64_t>(y + kSsimStrip, y1);
@@ -142,7 +148,7 @@ Tensor similarity_loss_reference(const Tensor& a_in, const Tensor& b_in) {
 
 Tensor similarity_loss(const Tensor& a, const Tensor& b) {
   check_images(a, b);
-  if (a.scalar_type() != torch::kFloat32) return similarity_loss_reference(a, b);
+  if (a.scalar_type() != torch::kFloat32) return similarity_loss_reference(a, b.detach());
   return Similarity::apply(a, b.detach(), torch::GradMode::is_enabled() && a.requires_grad());
 }
 

@@ -13,8 +13,8 @@
 
 namespace doppel {
 
-/// Gradients: to `a`. No second derivative. float32 runs the kernel, which leaves out windows where both images are
-/// black, because these are equal; float64 runs the reference.
+/// Gradients: to `a`, none to `b`. No second derivative. float32 runs the kernel, which leaves out windows where both
+/// images are black, because these are equal; float64 runs the reference.
 /// @param a, b [B,C,H,W,3] RGB 0..1, at least 11 x 11 pixels @return scalar 0..2
 /// @throws UsageError for another shape or type
 torch::Tensor similarity_loss(const torch::Tensor& a, const torch::Tensor& b);

@@ -6,8 +6,7 @@ namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
 constexpr float kC1 = 0.01f * 0.01f, kC2 = 0.03f * 0.03f;
-constexpr int kRows = kSsimStrip + kSsimWindow - 1;  // of pixels
-constexpr int kMoments = 5;                          // of a, b, aa, bb, ab
+constexpr int kRows = kSsimRows, kMoments = kSsimMoments;
 
 /// out[i] = sum_t w[t] in[i + t * step]
 inline void filter(const float* in, std::int64_t step, const float* w, std::int64_t count, float* out) {
@@ -86,11 +85,6 @@ void add_gradient(const SimilarityStrip& s, std::int64_t n, const float* moments
 }
 
 }  // namespace
-
-std::int64_t similarity_scratch(std::int64_t columns) {
-  const std::int64_t n = 3 * columns, pixels = n + 3 * (kSsimWindow - 1);
-  return kMoments * (kRows + kSsimStrip) * n + 3 * pixels;
-}
 
 double similarity_strip(const SimilarityStrip& s) {
   const std::int64_t n = 3 * (s.x1 - s.x0);

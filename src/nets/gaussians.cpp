@@ -11,7 +11,7 @@ namespace {
 
 using torch::Tensor;
 
-constexpr int kChanges = 10;          // offset 3, log scale 3, opacity 1, colour 3
+constexpr int kChanges = 10;         // offset 3, log scale 3, opacity 1, colour 3
 constexpr double kMaxOffset = 0.03;  // metres, that the network predicts
 constexpr double kHeadScale = 0.01;
 constexpr double kThickness = 0.3;  // first standard deviation along the normal, of that along the surface
@@ -34,6 +34,8 @@ void describe_keys(const Keys& keys, GaussiansConfig& config) {
   keys("network", config.network, "a UNet predicts for each pose how the Gaussians change");
   keys("past_frames", config.past_frames, between(0, 100), "F, the past frames of the network's motion window");
   keys("levels", config.levels, between(0, 10), "halvings of the UNet; 0: down to one texel");
+  keys.require("levels", (1 << config.levels) <= config.size,
+               fmt::format("{} halvings of {} texels are too many", config.levels, config.size));
   keys("camera", config.camera, "the network sees the camera's position, relative to the root, and direction");
   config.unet.head_scale = kHeadScale;
   describe_keys(keys, config.unet);

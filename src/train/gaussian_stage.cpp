@@ -13,12 +13,12 @@ using torch::Tensor;
 
 void describe_keys(const Keys& keys, GaussiansRunConfig& c) {
   describe_keys(keys.section("data"), c.loader);
-  describe_keys(keys.section("data"), c.noise);
   describe_keys(keys.section("model"), c.model);
   keys.require("data.cameras_per_sample", c.loader.cameras_per_sample == 1 || !c.model.network || !c.model.camera,
                fmt::format("found {}; a network that sees the camera draws for one camera, so only 1 is allowed",
                            c.loader.cameras_per_sample));
-  keys("loss.photometric", c.photometric, at_least(0.0), "weight, per level of 255 in the mask");
+  keys("loss.photometric", c.photometric, at_least(0.0),
+       "weight of the colours' differences over black, levels of 255, per pixel of the mask");
   keys("loss.similarity", c.similarity, at_least(0.0), "weight of 1 - SSIM");
   keys("loss.silhouette", c.silhouette, at_least(0.0), "weight of the difference of alpha and mask");
   keys("loss.offset", c.offset, at_least(0.0), "weight of the offsets' length, in texels");
@@ -38,8 +38,7 @@ GaussianStage::GaussianStage(const Dataset& dataset, TrainedActor& actor, const 
       config_(config),
       space_(*actor.mesh, config.model.size),
       gaussians_(make_gaussians(actor, space_, config.model,
-                                at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed)))),
-      noise_(actor.character.skeleton, config.noise) {}
+                                at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed)))) {}
 
 Splats GaussianStage::splats(const Tensor& vertices, const Tensor& windows, const Tensor& projection,
                              std::optional<at::Generator> generator, const BatchShare& share) {
@@ -64,8 +63,7 @@ LossTerms GaussianStage::loss(const Batch& batch, StepContext& context) {
   Splats splats;
   {
     ProfileScope scope(profile, "network");
-    splats = this->splats(vertices, noise_.apply(batch.dofs, *gaussians_, context.generator, context.share),
-                          batch.image_projection, context.generator, context.share);
+    splats = this->splats(vertices, batch.dofs, batch.image_projection, context.generator, context.share);
   }
   SplatImage drawn;
   {
@@ -95,8 +93,9 @@ std::vector<ReportImage> GaussianStage::images() {
       const auto views = batch.cameras.size(1);
       const Tensor windows = batch.dofs.expand({views, -1, -1}).contiguous();
       const Tensor projection = batch.image_projection[0].unsqueeze(1);
-      const SplatImage drawn = draw_splats(splats(actor_.fine(windows), windows, projection, std::nullopt, {}),
-                                           projection, batch.image.size(2), batch.image.size(3));
+      const Tensor vertices = actor_.fine(batch.dofs).expand({views, -1, -1});
+      const SplatImage drawn = draw_splats(splats(vertices, windows, projection, std::nullopt, {}), projection,
+                                           batch.image.size(2), batch.image.size(3));
       sheet.add(batch, {{drawn.colour.transpose(0, 1), drawn.alpha.transpose(0, 1) > 0.5, {}}});
     }
     const std::string word = to_string(split);

@@ -2,7 +2,6 @@
 
 #include "doppel/actor/trained_actor.h"
 #include "doppel/train/capture_stage.h"
-#include "doppel/train/pose_noise.h"
 #include "doppel/train/run_config.h"
 #include "doppel/train/trainer.h"
 
@@ -12,7 +11,6 @@ namespace doppel {
 struct GaussiansRunConfig {
   RunSubject subject;
   LoaderOptions loader = image_loader(4, 1);
-  PoseNoiseOptions noise;
   GaussiansConfig model;
   double photometric = 1.0, similarity = 200.0, silhouette = 20.0, offset = 0.1, scale = 10.0;  ///< weights
   double largest_scale = 3.0;  ///< distances of texels, without a penalty
@@ -38,7 +36,7 @@ class GaussianStage : public CaptureStage {
   std::vector<ReportImage> images() override;
 
  private:
-  /// The Gaussians of the batch, as its first cameras see them. @param windows [B,F+1,D] that the network sees
+  /// The Gaussians of the batch, as its first cameras see them. @param windows [B,F+1,D]
   Splats splats(const torch::Tensor& vertices, const torch::Tensor& windows, const torch::Tensor& projection,
                 std::optional<at::Generator> generator, const BatchShare& share);
 
@@ -46,7 +44,6 @@ class GaussianStage : public CaptureStage {
   GaussiansRunConfig config_;
   TextureSpace space_;
   Gaussians gaussians_;
-  PoseNoise noise_;
 };
 
 }  // namespace doppel

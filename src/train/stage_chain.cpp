@@ -69,7 +69,7 @@ void StageChain::read_sections(const ConfigReader& root) {
 
 void StageChain::read_section(const ConfigReader& root, const std::string& stage) {
   if (!root.has(stage)) {
-    if (borrows_from_ddc() && root.has(kDdcKey) && contains(ddc_stages(), stage)) sections_[stage] = Section::borrowed;
+    if (borrows_from_ddc() && root.has(kDdcKey) && comes_from_ddc(root, stage)) sections_[stage] = Section::borrowed;
     return;
   }
   const ConfigReader section = root.section(stage);

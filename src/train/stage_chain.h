@@ -14,7 +14,7 @@ namespace doppel {
 /// `stage: hybrid` and `stage: deepcap` are chains, with `capture`, `seed` and `character` at the top and one section
 /// per stage. A section has the keys of that stage's own configuration file; a stage without a section is left out. A
 /// section with the single key `run: FOLDER` borrows the stage from another run; `ddc: FOLDER` at the top of a ddc or
-/// hybrid borrows all stages of a run that have no section.
+/// hybrid borrows all stages of a run that stand before the first section.
 class StageChain {
  public:
   /// Reads all sections, so that an error in the last one is reported before the first stage is trained.

@@ -253,6 +253,37 @@ TEST_F(PhotometricReference, WhatIsFilmedLiesOverTheBackgroundByItsOpacity) {
   EXPECT_TRUE(evaluate(grey(0.4f, true)).to_json().at("cameras").at("c1").contains("filmed"));
 }
 
+/// One colour everywhere that covers the share `alpha` of each pixel.
+ImageFunction veil(float value, float alpha) {
+  return [value, alpha](const ImageRequest& request) {
+    RenderedImages drawn = grey(value, false)(request);
+    drawn.alpha = torch::full_like(drawn.covered, alpha);
+    drawn.covered = drawn.alpha > 0.5;
+    return drawn;
+  };
+}
+
+TEST_F(PhotometricReference, ADrawingOfPartsOfPixelsCountsEverywhere) {
+  const Dataset studio = with_studio("parts");
+  const auto scores = [&](const ImageFunction& render) {
+    return evaluate_images(studio, Split::test, render, {}, "test").mean;
+  };
+  const PhotometricScores opaque = scores(grey(0.4f, false)), same = scores(veil(0.4f, 1.0f));
+  EXPECT_EQ(same.full.MSE, opaque.full.MSE);
+  EXPECT_EQ(same.missing_MSE, opaque.missing_MSE);
+  const PhotometricScores thin = scores(veil(0.4f, 0.4f));
+  EXPECT_EQ(thin.masked.MSE, opaque.masked.MSE) << "over black, the colour is all that counts";
+  EXPECT_NE(thin.full.MSE, opaque.full.MSE);
+  EXPECT_GT(thin.missing_MSE, opaque.missing_MSE) << "less than half of a pixel is missing";
+  // Nothing drawn: the empty studio.
+  const auto nothing = [](const ImageRequest& request) {
+    RenderedImages drawn = grey(0.0f, false)(request);
+    drawn.covered.zero_();
+    return drawn;
+  };
+  EXPECT_EQ(scores(veil(0.0f, 0.0f)).full.MSE, scores(nothing).full.MSE);
+}
+
 TEST_F(PhotometricReference, AFilmedProjectionCountsInPixelsOfTheCamera) {
   evaluate([](const ImageRequest& request) {
     for (std::size_t b = 0; b < request.samples.size(); ++b) {

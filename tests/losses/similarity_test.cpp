@@ -42,8 +42,9 @@ TEST(SimilarityLossKernel, AgreesWithTheReference) {
     EXPECT_NEAR(loss.item<double>(), reference.item<double>(), 1e-6);
     (3.0 * loss).backward();
     (3.0 * reference).backward();
+    // A variance is a difference of moments of about 0.3, so float32 knows it to 3e-8, against C2 = 9e-4 at least.
     const double largest = expected.grad().abs().max().item<double>();
-    EXPECT_TRUE(test::is_near(found.grad().to(torch::kFloat64), expected.grad(), 1e-3 * largest));
+    EXPECT_TRUE(test::is_near(found.grad().to(torch::kFloat64), expected.grad(), 1e-4 * largest));
   }
 }
 

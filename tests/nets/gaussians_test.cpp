@@ -98,6 +98,7 @@ TEST(Gaussians, EveryParameterGetsAGradient) {
   for (const auto& parameter : gaussians->named_parameters()) {
     ASSERT_TRUE(parameter.value().grad().defined()) << parameter.key();
     EXPECT_TRUE(parameter.value().grad().isfinite().all().item<bool>()) << parameter.key();
+    EXPECT_GT(parameter.value().grad().abs().max().item<double>(), 0.0) << parameter.key();
   }
 }
 

@@ -465,6 +465,21 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   ASSERT_FALSE(from_run.empty());
   EXPECT_LE(cv::norm(from_run, cv::imread(at("exported/turntable_000003.png")), cv::NORM_INF), 2.0);
 
+  // On top of it, Gaussians on the surface.
+  step("train " DOPPEL_SOURCE_DIR "/configs/tiny/gaussians.yaml --set capture=" + at("prepared") +
+       " --set ddc=" + at("chain") + " --out " + at("gaussians"));
+  const Outcome splats = run("evaluate --run " + at("gaussians") + " --split test --every 4 --json");
+  ASSERT_EQ(splats.code, 0) << splats.err;
+  const nlohmann::json by_gaussians = nlohmann::json::parse(splats.out)["splits"]["test"];
+  EXPECT_LT(by_gaussians["gaussians"]["MSE"].get<double>(), by_gaussians["lit"]["MSE"].get<double>());
+  const std::string film = "animate --motion " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") +
+                           " --video-size 96 --format png,ply,splat-glb --renderer gaussians ";
+  EXPECT_EQ(run(film + "--run " + at("chain") + " --out " + at("none")).code, 1);
+  step(film + "--run " + at("gaussians") + " --out " + at("splats"));
+  EXPECT_GT(cv::norm(cv::imread(at("splats/turntable_000003.png")), from_run), 0.0);
+  for (const char* name : {"splats_000003.ply", "splats_000003.glb"})
+    EXPECT_GT(std::filesystem::file_size(at(std::string("splats/") + name)), 10000u) << name;
+
   // On top of it, a radiance field around the mesh.
   step("train " DOPPEL_SOURCE_DIR "/configs/tiny/hybrid.yaml --set capture=" + at("prepared") + " --set ddc=" +
        at("chain") + " --set 'radiance.data.frames=[5]' --set 'nerf.data.frames=[5]' --out " + at("hybrid"));

@@ -66,7 +66,7 @@ texnet:
   loss: {distance: squares}
   train: {iterations: 12, learning_rate: 2e-4, log_every: 1}
 gaussians:
-  data: {batch_size: 3, image_size: 48, pose_noise: 0.01}
+  data: {batch_size: 3, image_size: 48}
   model: {size: 64, levels: 4, width: 0.1, lit: true}
   train: {iterations: 12, learning_rate: 1e-4, log_every: 1}
 radiance:

@@ -49,7 +49,7 @@ texnet:
   loss: {distance: squares}
   train: {iterations: 8, learning_rate: 0.002, log_every: 2, checkpoint_every: 3}
 gaussians:
-  data: {batch_size: 2, image_size: 48, pose_noise: 0.01}
+  data: {batch_size: 2, image_size: 48}
   model: {size: 64, levels: 4, width: 0.1, lit: true}
   train: {iterations: 8, learning_rate: 0.001, log_every: 2, checkpoint_every: 3}
 )";

@@ -233,11 +233,12 @@ inline Float8 floor_of(Double8 x) {  // of |x| < 2^31
   return near - where8((Int8)(near > __builtin_convertvector(x, Float8)), eight(1.0f));
 }
 
-/// First and last pixel of a centre and an extent, within 0 and `size` - 1; empty if last < first.
+/// First and last pixel of a centre and an extent, with a margin of .05 that is wider than that of the rows, within 0
+/// and `size` - 1; empty if last < first.
 inline void pixel_range(Float8 centre, Float8 extent, int size, Int8& first, Int8& last) {
   const auto most = static_cast<float>(size);
-  first = __builtin_convertvector(min8(max8(centre - extent + 0.49f, Float8{}), eight(most)), Int8);
-  last = __builtin_convertvector(min8(max8(centre + extent + 0.51f, Float8{}), eight(most)), Int8) - 1;
+  first = __builtin_convertvector(min8(max8(centre - extent + 0.45f, Float8{}), eight(most)), Int8);
+  last = __builtin_convertvector(min8(max8(centre + extent + 0.55f, Float8{}), eight(most)), Int8) - 1;
 }
 
 }  // namespace

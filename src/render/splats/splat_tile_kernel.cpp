@@ -91,6 +91,9 @@ inline int find_runs(const SplatTile& tile, std::int32_t number, SplatScratch& o
   return n;
 }
 
+/// a dx + b dy of the pixels of a run. Forward and backward must round alike.
+inline Float8 run_offsets(float a, float s) { return a * lane_numbers8() + s; }
+
 /// Alpha of eight pixels, 0 below the threshold. @param s a dx + b dy
 inline Float8 alpha_of(float exponent, Float8 s) {
   const Float8 e = exponent - s * s;
@@ -107,7 +110,7 @@ template <bool kDepth>
 inline void blend(const SplatRecord* splats, int count, SplatScratch& scratch) {
   auto& planes = scratch.planes;
   const auto alpha_of_run = [&](int i) {
-    return alpha_of(scratch.exponent[i], splats[scratch.splat[i]].a * lane_numbers8() + scratch.s[i]);
+    return alpha_of(scratch.exponent[i], run_offsets(splats[scratch.splat[i]].a, scratch.s[i]));
   };
   // The alpha of the next run beside the blending of this one: the processor waits less.
   scratch.splat[count] = 0;
@@ -211,11 +214,10 @@ template <bool kDepth>
 inline void gather(const SplatRecord& g, int begin, int end, SplatScratch& scratch, SplatSums& out) {
   auto& planes = scratch.planes;
   Float8 sum_g{}, sum_gs{}, sum_gr{}, sum_gss{}, sum_gsr{}, sum_grr{}, sum_colour[3]{}, sum_depth{};
-  const Float8 lanes = g.a * lane_numbers8();
   for (int i = begin; i < end; ++i) {
     const std::int32_t at = scratch.at[i];
     const float r = scratch.r[i];
-    const Float8 s = lanes + scratch.s[i], alpha = alpha_of(scratch.exponent[i], s);
+    const Float8 s = run_offsets(g.a, scratch.s[i]), alpha = alpha_of(scratch.exponent[i], s);
     const Float8 through = load8(planes[kThrough] + at);
     const Int8 open = through >= kMinTransmittance;
     const Float8 weight = where8(open, alpha * through);

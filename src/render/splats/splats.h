@@ -19,7 +19,8 @@ namespace doppel {
 ///
 /// Gradients go to positions, rotations, log_scales, opacities and harmonics. The order, the two thresholds and the
 /// limits of J are held fixed. A Gaussian with a value that is not finite, a quaternion shorter than 1e-12 or longer
-/// than 1e12, or a centre beyond 2^20 pixels is not drawn and has the gradient 0.
+/// than 1e12, or a centre beyond 2^20 pixels is not drawn and has the gradient 0 (more limits of the kernel:
+/// docs/layers/splats.md).
 ///
 /// float32 runs the kernel, which has no second derivative. float64, a torch::jit trace and options.use_reference run
 /// the reference, whose memory is N times that of the images. The result has the same bits for any number of threads.

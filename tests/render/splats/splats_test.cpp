@@ -205,13 +205,12 @@ TEST(DrawSplats, GaussiansThatCannotBeDrawnAreLeftOutAndHaveNoGradient) {
   bad.rotations[0][10].fill_(1e20f);
   bad.rotations[0][11].fill_(1e-20f);
   bad.positions[0][7] = torch::tensor({-9.0, 0.0, -9.0});  // behind both cameras
-  Splats all = converted(good, torch::kFloat32, true);
   const auto joined = [](const Tensor& a, const Tensor& b) {
     return torch::cat({a.detach(), b.narrow(1, 0, kBad)}, 1).requires_grad_();
   };
-  all = {joined(good.positions, bad.positions),   joined(good.rotations, bad.rotations),
-         joined(good.log_scales, bad.log_scales), joined(good.opacities, bad.opacities),
-         joined(good.harmonics, bad.harmonics),   {}};
+  const Splats all = {joined(good.positions, bad.positions),   joined(good.rotations, bad.rotations),
+                      joined(good.log_scales, bad.log_scales), joined(good.opacities, bad.opacities),
+                      joined(good.harmonics, bad.harmonics),   {}};
   const SplatImage image = draw_splats(all, projection, kHeight, kWidth);
   EXPECT_TRUE(image.colour.equal(draw_splats(good, projection, kHeight, kWidth).colour));
   SplatOptions plain;
@@ -291,8 +290,24 @@ TEST(DrawSplatsRejects, ArgumentsThatDoNotFit) {
   EXPECT_THROW(draw_splats(s, projection, 8, 8, {0.0f, false, false}), UsageError);
 }
 
+TEST(ViewHarmonics, HaveTheOrderAndTheSignsOfThePublishedCode) {
+  // At (2, 1, 2) / 3, with the polynomials of degree 1 to 3 that files of 3D Gaussian splatting assume.
+  const double x = 2.0 / 3, y = 1.0 / 3, z = 2.0 / 3;
+  const double expected[] = {0.28209479,
+                             -0.48860251 * y,
+                             0.48860251 * z,
+                             -0.48860251 * x,
+                             1.09254843 * x * y,
+                             -1.09254843 * y * z,
+                             0.31539157 * (2 * z * z - x * x - y * y),
+                             -1.09254843 * x * z,
+                             0.54627422 * (x * x - y * y),
+                             -0.59004359 * y * (3 * x * x - y * y)};
+  const Tensor found = view_harmonics(torch::tensor({x, y, z}, torch::kFloat64), 16);
+  for (int k = 0; k < 10; ++k) EXPECT_NEAR(found[k].item<double>(), expected[k], 1e-7) << k;
+}
+
 TEST(ViewHarmonics, AreOrthonormalOnTheSphere) {
-  // Products of two harmonics of degree 3 are polynomials of degree 6; this rule is exact for them.
   constexpr int kRings = 64, kColumns = 16;
   std::vector<Tensor> directions;
   Tensor sum = torch::zeros({16, 16}, torch::kFloat64);
