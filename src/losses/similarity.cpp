@@ -38,8 +38,9 @@ void check_images(const Tensor& a, const Tensor& b) {
 std::vector<double> window_weights() {
   std::vector<double> w;
   double sum = 0.0;
+  constexpr int kMiddle = kSsimWindow / 2;
   for (int i = 0; i < kSsimWindow; ++i) {
-    const double x = (i - kSsimWindow / 2) / kSigma;
+    const double x = (i - kMiddle) / kSigma;
     w.push_back(std::exp(-0.5 * x * x));
     sum += w.back();
   }

@@ -105,21 +105,21 @@ Tensor GaussiansImpl::log_scales() const {
   return (config_.spread * spacing_.unsqueeze(1) * axes).log() + kScaleStep * scale_;
 }
 
-Tensor GaussiansImpl::changes(const TexNetInput& maps, std::optional<at::Generator> generator,
+Tensor GaussiansImpl::changes(const TexNetInput& maps, const std::optional<at::Generator>& generator,
                               const BatchShare& share) {
   const Tensor camera = config_.camera ? maps.camera : torch::zeros_like(maps.camera);
-  const Tensor raw = unet_->forward({maps.normals, camera}, std::move(generator), share);
+  const Tensor raw = unet_->forward({maps.normals, camera}, generator, share);
   return raw.flatten(2).index_select(2, points_.texel).transpose(1, 2);  // [B,P,10]
 }
 
 Splats GaussiansImpl::forward(const SurfaceFrames& frames, const std::optional<TexNetInput>& maps,
-                              std::optional<at::Generator> generator, const BatchShare& share) {
+                              const std::optional<at::Generator>& generator, const BatchShare& share) {
   const std::int64_t B = frames.positions.size(0), P = points_.texel.size(0);
   Tensor offset = offsets().unsqueeze(0), scale = log_scales().unsqueeze(0),
          opacity = std::log(config_.opacity / (1.0 - config_.opacity)) + kOpacityStep * opacity_.unsqueeze(0),
          colour = first_colour_.unsqueeze(0) + kColourStep * colour_.unsqueeze(0);
   if (unet_ && maps) {
-    const Tensor change = changes(*maps, std::move(generator), share);
+    const Tensor change = changes(*maps, generator, share);
     offset = offset + kMaxOffset * change.narrow(2, 0, 3).tanh();
     scale = scale + change.narrow(2, 3, 3);
     opacity = opacity + change.select(2, 6);

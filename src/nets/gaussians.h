@@ -56,7 +56,7 @@ class GaussiansImpl : public torch::nn::Module {
   /// @param frames of the texels on the finished surface, [B,P,...]
   /// @param maps the network's input; nothing: the Gaussians that all poses share @param generator, share as in TexNet
   Splats forward(const SurfaceFrames& frames, const std::optional<TexNetInput>& maps,
-                 std::optional<at::Generator> generator = std::nullopt, const BatchShare& share = {});
+                 const std::optional<at::Generator>& generator = std::nullopt, const BatchShare& share = {});
 
   /// The mean length of the offsets, in distances of texels.
   torch::Tensor offset_length();
@@ -67,7 +67,8 @@ class GaussiansImpl : public torch::nn::Module {
   const TexelPoints& points() const { return points_; }
 
  private:
-  torch::Tensor changes(const TexNetInput& maps, std::optional<at::Generator> generator, const BatchShare& share);
+  torch::Tensor changes(const TexNetInput& maps, const std::optional<at::Generator>& generator,
+                        const BatchShare& share);
   torch::Tensor offsets() const;
   torch::Tensor log_scales() const;
 

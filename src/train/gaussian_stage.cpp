@@ -41,7 +41,7 @@ GaussianStage::GaussianStage(const Dataset& dataset, TrainedActor& actor, const 
                                 at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed)))) {}
 
 Splats GaussianStage::splats(const Tensor& vertices, const Tensor& windows, const Tensor& projection,
-                             std::optional<at::Generator> generator, const BatchShare& share) {
+                             const std::optional<at::Generator>& generator, const BatchShare& share) {
   SurfaceFrames frames;
   std::optional<TexNetInput> maps;
   {
@@ -50,7 +50,7 @@ Splats GaussianStage::splats(const Tensor& vertices, const Tensor& windows, cons
     if (config_.model.network)
       maps = texture_input(actor_, space_, config_.model.maps(), windows, projection.select(1, 0), vertices);
   }
-  return gaussians_->forward(frames, maps, std::move(generator), share);
+  return gaussians_->forward(frames, maps, generator, share);
 }
 
 LossTerms GaussianStage::loss(const Batch& batch, StepContext& context) {

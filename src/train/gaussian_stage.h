@@ -38,7 +38,7 @@ class GaussianStage : public CaptureStage {
  private:
   /// The Gaussians of the batch, as its first cameras see them. @param windows [B,F+1,D]
   Splats splats(const torch::Tensor& vertices, const torch::Tensor& windows, const torch::Tensor& projection,
-                std::optional<at::Generator> generator, const BatchShare& share);
+                const std::optional<at::Generator>& generator, const BatchShare& share);
 
   TrainedActor& actor_;
   GaussiansRunConfig config_;

@@ -43,6 +43,17 @@ static inline unsigned bits8(Int8 mask) {
   return bits;
 #endif
 }
+/// The lanes of v with the numbers `lanes`. V is a vector of eight 32-bit lanes.
+template <typename V>
+static inline V lanes8(V v, Int8 lanes) {
+#if defined(__AVX2__)
+  return (V)_mm256_permutevar8x32_ps((__m256)v, (__m256i)lanes);
+#else
+  V out{};
+  for (int i = 0; i < kEight; ++i) out[i] = v[lanes[i]];
+  return out;
+#endif
+}
 static inline float sum8(Float8 v) {
   typedef float Float4 __attribute__((vector_size(16)));
   Float4 half = __builtin_shufflevector(v, v, 0, 1, 2, 3) + __builtin_shufflevector(v, v, 4, 5, 6, 7);

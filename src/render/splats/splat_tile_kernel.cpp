@@ -51,7 +51,7 @@ constexpr LaneLists kLaneLists;
 /// Stores the lanes of `bits` one after the other. Writes eight.
 template <typename V, typename T>
 inline void store_lanes(T* out, V v, Int8 lanes) {
-  const V packed = __builtin_shuffle(v, lanes);
+  const V packed = lanes8(v, lanes);
   std::memcpy(out, &packed, sizeof packed);
 }
 
