@@ -60,7 +60,9 @@ struct Subject {
   const Character& character() const { return actor ? actor->character : pose ? pose->character : *untrained; }
 };
 
-bool compares_images(const TrainedActor& actor) { return actor.lighting || actor.deltanet || actor.texnet || actor.gaussians; }
+bool compares_images(const TrainedActor& actor) {
+  return actor.lighting || actor.deltanet || actor.texnet || actor.gaussians;
+}
 
 /// Sorts rows: surfaces first, then images.
 Json surfaces_first(const Json& rows) {
