@@ -15,6 +15,7 @@ namespace doppel::kernels::DOPPEL_ISA {
 constexpr int kEight = 8;
 typedef float Float8 __attribute__((vector_size(32)));
 typedef std::int32_t Int8 __attribute__((vector_size(32)));
+typedef std::uint32_t Unsigned8 __attribute__((vector_size(32)));
 typedef double Double8 __attribute__((vector_size(64)));
 
 static inline Float8 eight(float x) { return x - Float8{}; }
@@ -112,7 +113,7 @@ static inline Float8 exp2_8(Float8 x) {
   const Float8 low = 0.693147188f * f + 1.0f, middle = 0.0555035711f * f + 0.240221075f,
                high = 0.00133908634f * f + 0.00967603192f;
   const Float8 p = (high * square + middle) * square + low;
-  return (Float8)((Int8)p + ((Int8)rounded << 23));
+  return (Float8)((Unsigned8)p + ((Unsigned8)rounded << 23));
 }
 
 /// log2(x) to 2e-7 (absolute) for normal x > 0: exponent plus the series of atanh on [sqrt(1/2), sqrt(2)].
