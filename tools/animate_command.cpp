@@ -280,8 +280,7 @@ Performer make_performer(const AnimateOptions& options) {
     if (options.renderer == "gaussians" && !performer.trained->gaussians)
       fail(
           "{} has no checkpoint of the stage gaussians; train it first: doppel train configs/small/gaussians.yaml "
-          "--set "
-          "capture=PREPARED --set ddc={} --out NEW",
+          "--set capture=PREPARED --set ddc={} --out NEW",
           options.run, options.run);
     performer.character = performer.trained->character;
     return performer;
@@ -367,8 +366,7 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
     if (!splats)
       fail<UsageError>(
           "--format ply and splat-glb need an actor with Gaussians: --run RUN of `doppel train "
-          "configs/small/gaussians.yaml "
-          "--set capture=PREPARED --set ddc=CHAIN --out RUN`");
+          "configs/small/gaussians.yaml --set capture=PREPARED --set ddc=CHAIN --out RUN`");
     writers.push_back(make_splat_writer(options.out, splats, camera_path(options, character, fps, read_studio(options)),
                                         {options.wants("ply"), options.wants("splat-glb")}));
   }
@@ -467,7 +465,7 @@ void add_actor_options(CLI::App& app, AnimateOptions& options) {
       ->capture_default_str();
   CLI::Option* run = app.add_option("--run", options.run,
                                     "A run instead of --character and --model: its newest mesh and dynamic texture, "
-                                    "or its radiance field")
+                                    "its Gaussians, or its radiance field")
                          ->excludes(character, model);
   app.add_option("--renderer", options.renderer,
                  "With --run: images of the mesh, of the Gaussians on it, or of the radiance field around it")

@@ -190,10 +190,7 @@ torch::Tensor TrainedActor::texture(const torch::Tensor& dof_window, const torch
 Splats TrainedActor::splats(const torch::Tensor& dof_window, const torch::Tensor& projection,
                             const torch::Tensor& vertices) {
   torch::NoGradGuard no_grad;
-  const GaussiansConfig& config = gaussians->config();
-  std::optional<TexNetInput> maps;
-  if (config.network) maps = texture_input(*this, *splat_space, config.maps(), dof_window, projection, vertices);
-  return gaussians->forward(surface_frames(vertices, *mesh, gaussians->points()), maps);
+  return posed_splats(*this, gaussians, *splat_space, dof_window, projection, vertices);
 }
 
 std::string TrainedActor::digest() const {
@@ -228,6 +225,20 @@ TexNetInput texture_input(TrainedActor& actor, const TextureSpace& space, const 
   const torch::Tensor centre = texnet_camera_centre(config, MotionWindow(actor.character.skeleton), camera.centre,
                                                     window.select(1, -1).contiguous());
   return texnet_input(normals, centre, camera.forward);
+}
+
+Splats posed_splats(TrainedActor& actor, Gaussians& gaussians, const TextureSpace& space,
+                    const torch::Tensor& dof_window, const torch::Tensor& projection, const torch::Tensor& vertices,
+                    const std::optional<at::Generator>& generator, const BatchShare& share) {
+  SurfaceFrames frames;
+  std::optional<TexNetInput> maps;
+  {
+    const torch::NoGradGuard no_grad;
+    const GaussiansConfig& config = gaussians->config();
+    frames = surface_frames(vertices, *actor.mesh, gaussians->points());
+    if (config.network) maps = texture_input(actor, space, config.maps(), dof_window, projection, vertices);
+  }
+  return gaussians->forward(frames, maps, generator, share);
 }
 
 SampleId nerf_frame(const Dataset& dataset, Split split, const std::vector<long>& frames) {
@@ -268,7 +279,7 @@ Gaussians make_gaussians(const TrainedActor& actor, const TextureSpace& space, c
                          at::Generator generator) {
   actor.require_texture("gaussians");
   const torch::Tensor vertices = vertex_tensor(actor.character.mesh.vertices).view({-1, 3});
-  return Gaussians(config, gaussian_texels(vertices, space, actor.static_texture),
+  return Gaussians(config, gaussian_texels(vertices, space, resized(actor.static_texture, config.size)),
                    config.lit ? shared_lighting(actor, "gaussians") : torch::Tensor(), generator);
 }
 

@@ -132,6 +132,15 @@ TexNetInput texture_input(TrainedActor& actor, const TextureSpace& space, const 
                           const torch::Tensor& dof_window, const torch::Tensor& projection,
                           const torch::Tensor& surface);
 
+/// The Gaussians at the end of a motion window on the finished surface. Gradients go to `gaussians`, none to the
+/// surface.
+/// @param gaussians of this actor @param space of their size @param dof_window [B,F+1,D]
+/// @param projection [B,3,4] pixels from world metres, the camera that the network sees
+/// @param vertices [B,N,3] result of `fine` @param generator, share as in GaussiansImpl::forward
+Splats posed_splats(TrainedActor& actor, Gaussians& gaussians, const TextureSpace& space,
+                    const torch::Tensor& dof_window, const torch::Tensor& projection, const torch::Tensor& vertices,
+                    const std::optional<at::Generator>& generator = std::nullopt, const BatchShare& share = {});
+
 /// Finds the one frame that a radiance field without a mesh is trained on.
 /// @param frames of the split; empty: all frames of the split
 /// @throws UsageError unless this is exactly one frame of one sequence; also the errors of `chosen_samples`

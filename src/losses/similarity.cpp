@@ -22,13 +22,12 @@ using torch::Tensor;
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-constexpr double kSigma = 1.5, kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;
+constexpr double kSigma = 1.5, kC1 = kernels::kSsimC1, kC2 = kernels::kSsimC2;
 
 void check_images(const Tensor& a, const Tensor& b) {
-  check_shape("similarity_loss", "a", a, {-1, -1, -1, -1, 3}, "[B,C,H,W,3]");
+  check_tensor("similarity_loss", "a", a, {torch::kFloat32, torch::kFloat64}, {-1, -1, -1, -1, 3}, "[B,C,H,W,3]");
   check_shape("similarity_loss", "b", b, a.sizes(), "[B,C,H,W,3]");
   check_same_kind("similarity_loss", "b", b, a);
-  check_tensor("similarity_loss", "a", a, {torch::kFloat32, torch::kFloat64}, a.sizes());
   if (a.size(2) < kSsimWindow || a.size(3) < kSsimWindow)
     fail<UsageError>("similarity_loss: images of {} x {} pixels; each side must have at least {}", a.size(3), a.size(2),
                      kSsimWindow);
@@ -78,7 +77,7 @@ std::int64_t scratch_floats(std::int64_t columns) {
   return kernels::kSsimMoments * (kernels::kSsimRows + kSsimStrip) * n + 3 * pixels;
 }
 
-/// The mean of 1 - similarity of an image, and its gradient times `scale` in `gradient`, which is 0 before; null: none.
+/// The mean of 1 - similarity of an image. @param gradient that of the sum of similarities to `a` is added; null: none
 double image_loss(const float* a, const float* b, std::int64_t height, std::int64_t width, float* gradient) {
   const Box lit = lit_box(a, b, height, width);
   const std::int64_t reach = kSsimWindow - 1, columns = width - reach, rows = height - reach;

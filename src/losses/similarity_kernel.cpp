@@ -5,7 +5,7 @@
 namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
-constexpr float kC1 = 0.01f * 0.01f, kC2 = 0.03f * 0.03f;
+constexpr float kC1 = static_cast<float>(kSsimC1), kC2 = static_cast<float>(kSsimC2);
 constexpr int kRows = kSsimRows, kMoments = kSsimMoments;
 
 /// out[i] = sum_t w[t] in[i + t * step]

@@ -68,11 +68,7 @@ GaussianTexels gaussian_texels(const Tensor& vertices, const TextureSpace& space
   const double typical = across.nanmedian().item<double>();
   // Texels without neighbours, and jumps between charts.
   out.spacing = across.nan_to_num(typical).clamp(0.2 * typical, 3.0 * typical);
-  const Tensor planes = texture.permute({0, 3, 1, 2});
-  const Tensor resized = planes.size(2) >= space.size() && planes.size(3) >= space.size()
-                             ? torch::adaptive_avg_pool2d(planes, {space.size(), space.size()})
-                             : torch::upsample_bilinear2d(planes, {space.size(), space.size()}, false);
-  out.colours = resized[0].flatten(1).index_select(1, out.points.texel).t().contiguous();
+  out.colours = texture.flatten(0, 1).index_select(0, out.points.texel);
   return out;
 }
 

@@ -37,16 +37,16 @@ struct GaussianTexels {
   torch::Tensor colours;  ///< float32 [P,3] RGB 0..1
   torch::Tensor spacing;  ///< float32 [P] distance of neighbouring texels on the template, metres
 };
-/// @param vertices [N,3] of the template, metres @param texture float32 [1,Th,Tw,3] RGB 0..1, row 0 at v = 1
+/// @param vertices [N,3] of the template, metres @param texture float32 [T,T,3] RGB 0..1, T the size of `space`
 GaussianTexels gaussian_texels(const torch::Tensor& vertices, const TextureSpace& space, const torch::Tensor& texture);
 
-/// Offsets, rotations and scales are in the frame of the texel (surface_frames). What the network predicts is added
-/// before the frame turns it:
+/// Offsets, rotations and scales are in the frame of the texel (surface_frames). With the network's prediction p:
 ///
 ///   position = x + R (o + 0.03 tanh p_o),  rotation = R q,  log scale = l + p_l,
 ///   logit of the opacity = a + p_a,  colour = (c + tanh p_c) L(n)
 ///
-/// x, R and n are the position, the rotation and the normal of the texel in this pose, L is 1 without `lit`.
+/// x, R and n are the position, the rotation and the normal of the texel in this pose. L is the lighting, 1 without
+/// `lit`.
 class GaussiansImpl : public torch::nn::Module {
  public:
   /// @param lighting [3,9] as `shade` takes it, with `lit` only @param generator draws the network's initial weights

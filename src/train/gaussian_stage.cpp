@@ -40,19 +40,6 @@ GaussianStage::GaussianStage(const Dataset& dataset, TrainedActor& actor, const 
       gaussians_(make_gaussians(actor, space_, config.model,
                                 at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed)))) {}
 
-Splats GaussianStage::splats(const Tensor& vertices, const Tensor& windows, const Tensor& projection,
-                             const std::optional<at::Generator>& generator, const BatchShare& share) {
-  SurfaceFrames frames;
-  std::optional<TexNetInput> maps;
-  {
-    const torch::NoGradGuard no_grad;
-    frames = surface_frames(vertices, *actor_.mesh, gaussians_->points());
-    if (config_.model.network)
-      maps = texture_input(actor_, space_, config_.model.maps(), windows, projection.select(1, 0), vertices);
-  }
-  return gaussians_->forward(frames, maps, generator, share);
-}
-
 LossTerms GaussianStage::loss(const Batch& batch, StepContext& context) {
   Profile& profile = *context.profile;
   Tensor vertices;
@@ -63,7 +50,8 @@ LossTerms GaussianStage::loss(const Batch& batch, StepContext& context) {
   Splats splats;
   {
     ProfileScope scope(profile, "network");
-    splats = this->splats(vertices, batch.dofs, batch.image_projection, context.generator, context.share);
+    splats = posed_splats(actor_, gaussians_, space_, batch.dofs, batch.image_projection.select(1, 0), vertices,
+                          context.generator, context.share);
   }
   SplatImage drawn;
   {
@@ -94,8 +82,9 @@ std::vector<ReportImage> GaussianStage::images() {
       const Tensor windows = batch.dofs.expand({views, -1, -1}).contiguous();
       const Tensor projection = batch.image_projection[0].unsqueeze(1);
       const Tensor vertices = actor_.fine(batch.dofs).expand({views, -1, -1});
-      const SplatImage drawn = draw_splats(splats(vertices, windows, projection, std::nullopt, {}), projection,
-                                           batch.image.size(2), batch.image.size(3));
+      const SplatImage drawn =
+          draw_splats(posed_splats(actor_, gaussians_, space_, windows, batch.image_projection[0], vertices),
+                      projection, batch.image.size(2), batch.image.size(3));
       sheet.add(batch, {{drawn.colour.transpose(0, 1), drawn.alpha.transpose(0, 1) > 0.5, {}}});
     }
     const std::string word = to_string(split);

@@ -36,10 +36,6 @@ class GaussianStage : public CaptureStage {
   std::vector<ReportImage> images() override;
 
  private:
-  /// The Gaussians of the batch, as its first cameras see them. @param windows [B,F+1,D]
-  Splats splats(const torch::Tensor& vertices, const torch::Tensor& windows, const torch::Tensor& projection,
-                const std::optional<at::Generator>& generator, const BatchShare& share);
-
   TrainedActor& actor_;
   GaussiansRunConfig config_;
   TextureSpace space_;

@@ -20,7 +20,7 @@ struct Square {
       torch::tensor({0, 1, 2, 0, 2, 3}, torch::kInt32).view({2, 3}),
       torch::tensor({0.0f, 0.0f, 1.0f, 0.0f, 1.0f, 1.0f, 0.0f, 0.0f, 1.0f, 1.0f, 0.0f, 1.0f}).view({2, 3, 2}), 4);
   TextureSpace space{mesh, kSize};
-  Tensor texture = torch::full({1, 64, 64, 3}, 0.25f);
+  Tensor texture = torch::full({kSize, kSize, 3}, 0.25f);
   GaussianTexels texels = gaussian_texels(vertices, space, texture);
   SurfaceFrames frames = surface_frames(vertices.unsqueeze(0), mesh, texels.points);
 };

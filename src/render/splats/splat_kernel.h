@@ -65,8 +65,10 @@ struct ConstSplatPlanes {
 struct alignas(64) SplatScratch {
   static constexpr int kStride = kSplatTileWidth + 8;  ///< rows end with room for a vector
   static constexpr int kRunsAtOnce = 512, kMaxRuns = kRunsAtOnce + kSplatTileHeight * (kSplatTileWidth / 8) + 8;
+  /// The 80 floats between planes keep a pixel of two planes from the same low 12 bits of an address: the processor
+  /// would take the load from one plane for a load of what was just stored in the other.
   float planes[8][kSplatTileHeight * kStride + 80];
-  /// Up to eight pixels of a row of a Gaussian.
+  /// Runs: up to eight pixels of a row of a Gaussian.
   std::int32_t at[kMaxRuns];     ///< the first pixel in the planes
   std::int32_t splat[kMaxRuns];  ///< its number in the tile
   float s[kMaxRuns];             ///< a dx + b dy at the first pixel
@@ -81,8 +83,8 @@ struct SplatSums {
   float colour[3], depth;
   float unused[6];
 };
-/// @param sums [count] @param image as drawn @param upstream gradient to it; `alpha` and
-/// `depth` may be null
+/// Writes the sums of each Gaussian of the tile.
+/// @param image as drawn @param upstream gradient to it; `alpha` and `depth` may be null @param sums [count]
 DOPPEL_DECLARE_KERNEL(void, draw_splat_tile_backward,
                       (const SplatTile& tile, const ConstSplatPlanes& image, const ConstSplatPlanes& upstream,
                        SplatScratch& scratch, SplatSums* sums))

@@ -128,7 +128,7 @@ inline void project(const Block& in, const SplatCamera& camera, Projected& p) {
   p.a11 = square0 + kBlur;
   p.a12 = dot3(a0, a1);
   p.a22 = square1 + kBlur;
-  // |a0 x a1|^2 in the slot of the difference of products, which thin Gaussians would lose to rounding.
+  // |a0 x a1|^2 instead of a difference of products, which thin Gaussians would lose to rounding.
   p.determinant = dot3(cross, cross) + kBlur * (square0 + square1) + kBlur * kBlur;
   const Float8 logit = load8(in.opacities);
   const Float8 e = exp_of_negative<Float8, Int8>(logit > 0.0f ? -logit : logit), more = 1.0f / (1.0f + e);

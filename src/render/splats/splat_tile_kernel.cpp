@@ -60,8 +60,8 @@ inline int find_runs(const SplatTile& tile, std::int32_t number, SplatScratch& o
   const SplatRecord& g = tile.splats[number];
   const int top = (g.y0 > tile.y0 ? g.y0 : tile.y0) - tile.y0;
   const int bottom = (g.y1 < tile.y1 - 1 ? g.y1 : tile.y1 - 1) - tile.y0;
-  // The most runs of a row, from whole numbers: a loop until no row has any would end at a hard guess for the
-  // processor.
+  // The most runs of a row, from integers. If the loop below ended when no row has more, the processor would know its
+  // end only after the square roots, and would often predict it wrongly.
   const int left = g.x0 > tile.x0 ? g.x0 : tile.x0, right = g.x1 < tile.x1 - 1 ? g.x1 : tile.x1 - 1;
   const int columns = (right - left + kEight) >> 3;
   // Pixel x of the tile has dx = x + shift.
@@ -106,6 +106,7 @@ inline void fill(float* plane, float value) {
 
 // --- forward ---------------------------------------------------------------------------------------------------------
 
+/// Adds runs to the planes: transmittance, red, green, blue, depth.
 template <bool kDepth>
 inline void blend(const SplatRecord* splats, int count, SplatScratch& scratch) {
   auto& planes = scratch.planes;

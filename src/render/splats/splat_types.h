@@ -7,12 +7,11 @@ namespace doppel {
 /// Gaussians in space, with the raw values that files of 3D Gaussian splatting hold. S = (degree + 1)^2 spherical
 /// harmonics, degree 0 to 3.
 struct Splats {
-  torch::Tensor positions;  ///< [B,N,3] centres, world, metres
-  torch::Tensor rotations;  ///< [B,N,4] quaternions w x y z, normalised by `draw_splats`
-  torch::Tensor
-      log_scales;           ///< [B,N,3] natural logarithms of the standard deviations in metres, along the rotated axes
-  torch::Tensor opacities;  ///< [B,N] logits: the opacity at the centre is sigmoid(x)
-  torch::Tensor harmonics;  ///< [B,N,S,3] coefficients of red, green and blue
+  torch::Tensor positions;   ///< [B,N,3] centres, world, metres
+  torch::Tensor rotations;   ///< [B,N,4] quaternions w x y z, normalised by `draw_splats`
+  torch::Tensor log_scales;  ///< [B,N,3] natural logarithms of standard deviations in metres, along the rotated axes
+  torch::Tensor opacities;   ///< [B,N] logits: the opacity at the centre is sigmoid(x)
+  torch::Tensor harmonics;   ///< [B,N,S,3] coefficients of red, green and blue
   /// [B,N,3] world; a Gaussian whose normal points away from a camera is not drawn there. Undefined: all are drawn.
   torch::Tensor normals;
 };

@@ -7,15 +7,16 @@
 
 namespace doppel {
 
-/// Coordinate frames of surface points: what carries Gaussians along with a mesh.
+/// Coordinate frames of surface points. They move Gaussians with a mesh.
 struct SurfaceFrames {
   torch::Tensor positions;  ///< [B,P,3] world, metres
-  torch::Tensor
-      rotations;  ///< [B,P,4] unit quaternions w x y z: from the frame (tangent, bitangent, normal) to the world
+  /// [B,P,4] unit quaternions w x y z: from the frame (tangent, bitangent, normal) to the world
+  torch::Tensor rotations;
   torch::Tensor normals;  ///< [B,P,3] unit
 };
 /// The normal is interpolated from the area-weighted vertex normals. The tangent is the first edge of the point's face,
-/// made orthogonal to the normal. Plain tensor operations. Where a face has no area, the frame is any.
+/// made orthogonal to the normal. Plain tensor operations. Where a face has no area, the rotation is
+/// arbitrary.
 /// @param vertices [B,N,3] world, metres
 SurfaceFrames surface_frames(const torch::Tensor& vertices, const RenderMesh& mesh, const TexelPoints& points);
 
