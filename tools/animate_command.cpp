@@ -376,6 +376,7 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
     film.texture = performer.texture();
     film.profile = &profile;
     film.field = performer.field(options.renderer);
+    film.field_name = options.renderer;
     writers.push_back(make_film_writer(options.out, character, camera_path(options, character, fps, studio), film));
   }
   return writers;

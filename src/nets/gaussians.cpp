@@ -15,7 +15,6 @@ constexpr int kChanges = 10;         // offset 3, log scale 3, opacity 1, colour
 constexpr double kMaxOffset = 0.03;  // metres, that the network predicts
 constexpr double kHeadScale = 0.01;
 constexpr double kThickness = 0.3;  // first standard deviation along the normal, of that along the surface
-constexpr double kBasis0 = 0.28209479177387814;
 
 // A step of Adam changes every parameter by about the learning rate. These factors give each kind of parameter a step
 // of its own; they are about those of the published 3DGS code at a learning rate of 1e-3.
@@ -128,7 +127,7 @@ Splats GaussiansImpl::forward(const SurfaceFrames& frames, const std::optional<T
   out.rotations = quaternion_product(frames.rotations, own.unsqueeze(0).expand({B, P, 4}));
   out.log_scales = scale.expand({B, P, 3});
   out.opacities = opacity.expand({B, P});
-  out.harmonics = ((colour.expand({B, P, 3}) - 0.5) / kBasis0).unsqueeze(2);
+  out.harmonics = ((colour.expand({B, P, 3}) - 0.5) / kFirstHarmonic).unsqueeze(2);
   return out;
 }
 

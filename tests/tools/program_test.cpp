@@ -493,7 +493,9 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
                             " --format png --video-size 48 ";
   EXPECT_EQ(run(drive + "--renderer radiance --out " + at("none")).code, 2);
   EXPECT_EQ(run(drive + "--renderer radiance --run " + at("chain") + " --out " + at("none")).code, 1);
-  step(drive + "--renderer radiance --run " + at("hybrid") + " --out " + at("views"));
+  const Outcome views = run(drive + "--json --renderer radiance --run " + at("hybrid") + " --out " + at("views"));
+  ASSERT_EQ(views.code, 0) << views.err;
+  EXPECT_TRUE(nlohmann::json::parse(views.out)["speed"]["milliseconds_a_frame"].contains("radiance"));
   EXPECT_TRUE(std::filesystem::exists(at("views/turntable_000003.png")));
 }
 

@@ -89,7 +89,7 @@ class FilmWriter : public SequenceWriter {
   }
 
   cv::Mat draw_field(const PosedFrame& frame, const PinholeCamera& camera) {
-    const ProfileScope scope(profile(), "drawing");
+    const ProfileScope scope(profile(), options_.field_name);
     const FieldImage drawn = options_.field(frame.window.unsqueeze(0), projection_tensor({camera})[0], tensor_of(frame),
                                             camera.height, camera.width);
     seen_ = seen_ || drawn.opacity.gt(0).any().item<bool>();

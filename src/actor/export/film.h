@@ -47,6 +47,7 @@ struct FilmOptions {
   TextureFunction texture;
   /// If set, what it draws over black is shown in place of the textured mesh: a radiance field, or Gaussians.
   FieldFunction field;
+  std::string field_name;      ///< of `field` in the profile
   Profile* profile = nullptr;  ///< the times of texture, drawing and files are added to it
 };
 

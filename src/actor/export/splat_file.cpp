@@ -19,7 +19,6 @@ using torch::Tensor;
 
 static_assert(std::endian::native == std::endian::little, "both formats take the bytes of floats as they are");
 
-constexpr double kHarmonicOfDegree0 = 0.28209479177387814;
 constexpr std::int64_t kMaxGlbBytes = 4'000'000'000;  // a .glb file counts its bytes in 32 bits
 constexpr const char* kSplatExtension = "KHR_gaussian_splatting";
 
@@ -35,15 +34,8 @@ struct WrittenSplats {
 
 void check_written(const char* action, const Splats& splats, std::int64_t item) {
   check_floats(action, "positions", splats.positions, {-1, -1, 3}, "[B,N,3]");
-  const std::int64_t batch = splats.positions.size(0), count = splats.positions.size(1);
-  check_floats(action, "rotations", splats.rotations, {batch, count, 4}, "[B,N,4]");
-  check_floats(action, "log_scales", splats.log_scales, {batch, count, 3}, "[B,N,3]");
-  check_floats(action, "opacities", splats.opacities, {batch, count}, "[B,N]");
-  check_floats(action, "harmonics", splats.harmonics, {batch, count, -1, 3}, "[B,N,S,3]");
-  if (splats.normals.defined()) check_floats(action, "normals", splats.normals, {batch, count, 3}, "[B,N,3]");
-  const std::int64_t harmonics = splats.harmonics.size(2);
-  if (harmonics != 1 && harmonics != 4 && harmonics != 9 && harmonics != 16)
-    fail<UsageError>("{}: found {} spherical harmonics per colour; 1, 4, 9 and 16 are allowed", action, harmonics);
+  check_splats(action, splats);
+  const std::int64_t batch = splats.positions.size(0);
   if (item < 0 || item >= batch)
     fail<UsageError>("{}: batch item {} was asked for, and the Gaussians have {} items, counted from 0", action, item,
                      batch);
@@ -51,7 +43,6 @@ void check_written(const char* action, const Splats& splats, std::int64_t item) 
 
 /// The Gaussians of a batch item that can be written. @param action begins the messages
 WrittenSplats written_splats(const std::string& action, const Splats& splats, std::int64_t item) {
-  check_written(action.c_str(), splats, item);
   const Tensor positions = splats.positions[item], log_scales = splats.log_scales[item],
                opacities = splats.opacities[item].unsqueeze(1), harmonics = splats.harmonics[item],
                normals = splats.normals.defined() ? splats.normals[item] : torch::zeros_like(positions);
@@ -118,7 +109,7 @@ std::vector<double> as_doubles(const Tensor& row) {
 
 /// Colours and opacities of points: linear RGB and alpha. @return [M,4], 0 to 1
 Tensor point_colours(const WrittenSplats& splats) {
-  const Tensor encoded = (0.5 + kHarmonicOfDegree0 * splats.harmonics.select(1, 0)).clamp(0.0, 1.0);
+  const Tensor encoded = (0.5 + kFirstHarmonic * splats.harmonics.select(1, 0)).clamp(0.0, 1.0);
   const Tensor linear = torch::where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055).pow(2.4));
   return torch::cat({linear, splats.opacities.sigmoid()}, 1);
 }
@@ -174,7 +165,9 @@ tinygltf::Model splat_model(const WrittenSplats& splats) {
 
 void write_splat_ply(const std::filesystem::path& file, const Splats& splats, std::int64_t item) {
   const torch::NoGradGuard no_gradient;
-  const WrittenSplats written = written_splats("writing " + file.string(), splats, item);
+  const std::string action = "writing " + file.string();
+  check_written(action.c_str(), splats, item);
+  const WrittenSplats written = written_splats(action, splats, item);
   const Tensor first = written.harmonics.select(1, 0), rest = written.harmonics.slice(1, 1).transpose(1, 2);
   const std::int64_t count = first.size(0), harmonics = written.harmonics.size(1);
   const Tensor rows = torch::cat({written.positions, written.normals, first, rest.reshape({count, 3 * (harmonics - 1)}),

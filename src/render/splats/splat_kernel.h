@@ -9,6 +9,16 @@ namespace doppel::kernels {
 constexpr int kSplatTileWidth = 64, kSplatTileHeight = 64;
 constexpr int kMaxHarmonics = 16;
 
+// The numbers of the definition (splats.h), for kernel and reference.
+constexpr double kSplatBlur = 0.3;  ///< square pixels, added to both axes
+constexpr double kMinSplatAlpha = 1.0 / 255;
+constexpr double kLog2Of255 = 7.994353436858858;
+constexpr double kMaxSplatAlpha = 0.99;
+constexpr double kMinTransmittance = 1e-4;
+constexpr double kOutsideImage = 0.15;                           ///< of the image: J stays constant beyond
+constexpr double kMinQuaternion = 1e-12, kMaxQuaternion = 1e12;  ///< lengths
+constexpr double kMaxSplatPixel = 1048576;                       ///< no centre beyond is drawn
+
 /// The camera of one view.
 struct SplatCamera {
   double matrix[12];  ///< [3,4] pixels from world metres, scaled so that the last row gives metres

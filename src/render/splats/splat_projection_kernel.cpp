@@ -5,12 +5,15 @@
 namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
-constexpr float kBlur = 0.3f;  // square pixels
+constexpr float kBlur = static_cast<float>(kSplatBlur);
 constexpr float kLn2 = 0.693147181f;
 constexpr float kHalfLog2e = 0.721347520f;
-constexpr float kLog2Of255 = 7.99435344f;
-constexpr float kBeyond = 1048576.0f;  // pixels
-constexpr float kOutside = 0.15f;      // of the image, where J stays that of the limit
+constexpr float kLog255 = static_cast<float>(kLog2Of255);
+constexpr float kOutside = static_cast<float>(kOutsideImage);
+constexpr float kMaxPixel = static_cast<float>(kMaxSplatPixel);
+constexpr float kMinLength = static_cast<float>(kMinQuaternion), kMaxLength = static_cast<float>(kMaxQuaternion);
+// Beyond these, products overflow float32: square metres, square pixels, and their squares.
+constexpr float kMaxSquare = 1e30f, kMaxVariance = 1e15f, kMaxDeterminant = 1e30f;
 
 /// The parameters of eight Gaussians, one after the other; those of fewer are followed by zeros.
 struct Block {
@@ -241,67 +244,87 @@ inline void pixel_range(Float8 centre, Float8 extent, int size, Int8& first, Int
   last = __builtin_convertvector(min8(max8(centre + extent + 0.55f, Float8{}), eight(most)), Int8) - 1;
 }
 
+/// What a record holds besides the projection.
+struct Extent {
+  Float8 log_opacity, square;  ///< in powers of two; of the distance from the camera
+  Int8 x0, x1, y0, y1;
+};
+inline Extent extent_of(const Projected& p, const SplatCamera& camera) {
+  Extent e;
+  e.log_opacity = log2_8(max8(p.opacity, eight(1e-30f)));
+  e.square = dot3(p.offset, p.offset);
+  const Float8 reach = max8(e.log_opacity + kLog255, Float8{}) * (2.0f * kLn2);
+  pixel_range(__builtin_convertvector(p.u, Float8), sqrt8(reach * p.a11), camera.width, e.x0, e.x1);
+  pixel_range(__builtin_convertvector(p.v, Float8), sqrt8(reach * p.a22), camera.height, e.y0, e.y1);
+  return e;
+}
+
+/// The Gaussians to draw. NaN and infinity fail the comparisons.
+inline Int8 find_visible(const Block& block, const Projected& p, const Extent& e, const SplatCamera& camera) {
+  Float8 logs[3];
+  load_rows3(block.log_scales, logs);
+  const Float8 sizes = dot3(logs, logs) + load8(block.opacities);
+  const Float8 u = __builtin_convertvector(p.u, Float8), v = __builtin_convertvector(p.v, Float8);
+  Int8 visible = (e.log_opacity + kLog255 >= 0.0f) & (p.depth >= camera.z_near) & (e.square < kMaxSquare);
+  visible &= (u < kMaxPixel) & (u > -kMaxPixel) & (v < kMaxPixel) & (v > -kMaxPixel);
+  visible &= (p.a11 < kMaxVariance) & (p.a22 < kMaxVariance) & (p.determinant < kMaxDeterminant);
+  visible &= (e.x1 >= e.x0) & (e.y1 >= e.y0) & (p.length > kMinLength) & (p.length < kMaxLength);
+  visible &= (sizes < kMaxSquare) & (sizes > -kMaxSquare);
+  if (block.normals) {
+    Float8 normal[3];
+    load_rows3(block.normals, normal);
+    visible &= dot3(p.offset, normal) <= 0.0f;
+  }
+  return visible;
+}
+
+/// Writes the records of the visible Gaussians whose colours are finite.
+inline void write_records(const Projected& p, const Extent& e, const Shade& shading, Int8 visible, int here,
+                          SplatRecord* records) {
+  const Factors f = factors(p);
+  const Float8 pixel_x = floor_of(p.u), pixel_y = floor_of(p.v);
+  const Float8 x = __builtin_convertvector(p.u - __builtin_convertvector(pixel_x, Double8), Float8);
+  const Float8 y = __builtin_convertvector(p.v - __builtin_convertvector(pixel_y, Double8), Float8);
+  for (int i = 0; i < here; ++i) {
+    const float sum = shading.colour[0][i] + shading.colour[1][i] + shading.colour[2][i];
+    if (visible[i] == 0 || !(sum - sum == 0.0f)) continue;
+    SplatRecord& r = records[i];
+    r.pixel_x = static_cast<std::int32_t>(pixel_x[i]);
+    r.pixel_y = static_cast<std::int32_t>(pixel_y[i]);
+    r.x = x[i];
+    r.y = y[i];
+    r.a = f.a[i];
+    r.b = f.b[i];
+    r.c = f.c[i];
+    r.log_opacity = e.log_opacity[i];
+    for (int c = 0; c < 3; ++c) r.colour[c] = shading.colour[c][i] > 0.0f ? shading.colour[c][i] : 0.0f;
+    r.depth = p.depth[i];
+    r.x0 = static_cast<std::int16_t>(e.x0[i]);
+    r.x1 = static_cast<std::int16_t>(e.x1[i]);
+    r.y0 = static_cast<std::int16_t>(e.y0[i]);
+    r.y1 = static_cast<std::int16_t>(e.y1[i]);
+    r.inverse_a = 1.0f / f.a[i];
+    const float distance = e.square[i];
+    std::memcpy(&r.key, &distance, sizeof distance);
+  }
+}
+
 }  // namespace
 
 void project_splats(const SplatArrays& splats, const SplatCamera& camera, std::int64_t begin, std::int64_t end,
                     SplatRecord* records) {
   for (std::int64_t n = begin; n < end; n += kEight) {
     const int here = static_cast<int>(end - n < kEight ? end - n : kEight);
+    for (int i = 0; i < here; ++i) records[n + i].key = kHiddenSplat;
     const Block block(splats, n, here);
     Projected p;
     project(block, camera, p);
-    const Float8 u = __builtin_convertvector(p.u, Float8), v = __builtin_convertvector(p.v, Float8);
-    const Float8 log_opacity = log2_8(max8(p.opacity, eight(1e-30f))), room = log_opacity + kLog2Of255;
-    const Float8 reach = max8(room, Float8{}) * (2.0f * kLn2);
-    Int8 x0, x1, y0, y1;
-    pixel_range(u, sqrt8(reach * p.a11), camera.width, x0, x1);
-    pixel_range(v, sqrt8(reach * p.a22), camera.height, y0, y1);
-    const Float8 square = dot3(p.offset, p.offset);
-    Float8 logs[3];
-    load_rows3(block.log_scales, logs);
-    const Float8 sizes = logs[0] * logs[0] + logs[1] * logs[1] + logs[2] * logs[2] + load8(block.opacities);
-    // NaN and infinity fail every comparison here.
-    Int8 visible = (room >= 0.0f) & (p.depth >= camera.z_near) & (square < 1e30f) & (u < kBeyond) & (u > -kBeyond) &
-                   (v < kBeyond) & (v > -kBeyond) & (p.a11 < 1e15f) & (p.a22 < 1e15f) & (p.determinant < 1e30f) &
-                   (x1 >= x0) & (y1 >= y0) & (p.length > 1e-12f) & (p.length < 1e12f) & (sizes < 1e30f) &
-                   (sizes > -1e30f);
-    if (splats.normals) {
-      Float8 normal[3];
-      load_rows3(block.normals, normal);
-      visible &= dot3(p.offset, normal) <= 0.0f;
-    }
-    bool any = false;
-    for (int i = 0; i < here; ++i) any |= visible[i] != 0;
-    for (int i = 0; i < here; ++i) records[n + i].key = kHiddenSplat;
-    if (!any) continue;
+    const Extent extent = extent_of(p, camera);
+    const Int8 visible = find_visible(block, p, extent, camera);
+    if (bits8(visible) == 0) continue;
     Shade shading;
     shade(splats.harmonics + 3 * camera.harmonics * n, camera.harmonics, here, p.offset, shading);
-    const Factors f = factors(p);
-    const Float8 pixel_x = floor_of(p.u), pixel_y = floor_of(p.v);
-    const Float8 x = __builtin_convertvector(p.u - __builtin_convertvector(pixel_x, Double8), Float8);
-    const Float8 y = __builtin_convertvector(p.v - __builtin_convertvector(pixel_y, Double8), Float8);
-    for (int i = 0; i < here; ++i) {
-      const float sum = shading.colour[0][i] + shading.colour[1][i] + shading.colour[2][i];
-      if (visible[i] == 0 || !(sum - sum == 0.0f)) continue;
-      SplatRecord& r = records[n + i];
-      r.pixel_x = static_cast<std::int32_t>(pixel_x[i]);
-      r.pixel_y = static_cast<std::int32_t>(pixel_y[i]);
-      r.x = x[i];
-      r.y = y[i];
-      r.a = f.a[i];
-      r.b = f.b[i];
-      r.c = f.c[i];
-      r.log_opacity = log_opacity[i];
-      for (int c = 0; c < 3; ++c) r.colour[c] = shading.colour[c][i] > 0.0f ? shading.colour[c][i] : 0.0f;
-      r.depth = p.depth[i];
-      r.x0 = static_cast<std::int16_t>(x0[i]);
-      r.x1 = static_cast<std::int16_t>(x1[i]);
-      r.y0 = static_cast<std::int16_t>(y0[i]);
-      r.y1 = static_cast<std::int16_t>(y1[i]);
-      r.inverse_a = 1.0f / f.a[i];
-      const float distance = square[i];
-      std::memcpy(&r.key, &distance, sizeof distance);
-    }
+    write_records(p, extent, shading, visible, here, records + n);
   }
 }
 

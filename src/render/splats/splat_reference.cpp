@@ -1,5 +1,6 @@
 #include <torch/types.h>
 
+#include "doppel/render/splats/splat_kernel.h"
 #include "doppel/render/splats/splat_terms.h"
 #include "doppel/render/splats/splats.h"
 
@@ -9,7 +10,7 @@ using torch::Tensor;
 
 Tensor view_harmonics(const Tensor& directions, std::int64_t count) {
   const Tensor x = directions.select(-1, 0), y = directions.select(-1, 1), z = directions.select(-1, 2);
-  std::vector<Tensor> all{torch::full_like(x, 0.28209479177387814)};
+  std::vector<Tensor> all{torch::full_like(x, kFirstHarmonic)};
   if (count > 1) {
     const double c = 0.4886025119029199;
     all.insert(all.end(), {-c * y, c * z, -c * x});
@@ -76,11 +77,13 @@ Screen project_item(const Item& g, const Tensor& matrix, const Tensor& camera_ce
   const Tensor depth = h.select(1, 2), centre = h.slice(1, 0, 2) / depth.unsqueeze(1);
   const Tensor size = torch::tensor({static_cast<double>(width), static_cast<double>(height)}, torch::kFloat64)
                           .to(centre.scalar_type());
-  const Tensor limited = torch::minimum(torch::maximum(centre, -kOutside * size), (1 + kOutside) * size);
+  const Tensor limited =
+      torch::minimum(torch::maximum(centre, -kernels::kOutsideImage * size), (1 + kernels::kOutsideImage) * size);
   const Tensor jacobian =
       (matrix.slice(0, 0, 2).slice(1, 0, 3) - limited.unsqueeze(2) * matrix[2].slice(0, 0, 3)) / depth.view({-1, 1, 1});
   const Tensor along = torch::matmul(jacobian, rotation_matrices(g.rotations) * g.log_scales.exp().unsqueeze(1));
-  const Tensor covariance = torch::matmul(along, along.transpose(1, 2)) + kBlur * torch::eye(2, centre.options());
+  const Tensor covariance =
+      torch::matmul(along, along.transpose(1, 2)) + kernels::kSplatBlur * torch::eye(2, centre.options());
   const Tensor offset = g.positions - camera_centre, direction = offset / offset.norm(2, 1, true);
   const Tensor basis = view_harmonics(direction, g.harmonics.size(1));
   const Tensor colour = ((basis.unsqueeze(2) * g.harmonics).sum(1) + 0.5).clamp_min(0.0);
@@ -94,8 +97,9 @@ Tensor drawn(const Item& g, const Tensor& matrix, const Tensor& camera_centre, d
   const Tensor h = torch::matmul(g.positions, matrix.slice(1, 0, 3).t()) + matrix.select(1, 3);
   const Tensor centre = h.slice(1, 0, 2) / h.slice(1, 2, 3), offset = g.positions - camera_centre,
                length = g.rotations.norm(2, 1);
-  Tensor visible = (h.select(1, 2) >= z_near) & (centre.abs() < kBeyond).all(1) & (length > kMinLength) &
-                   (length < kMaxLength) & (g.opacities.sigmoid() >= kMinAlpha);
+  Tensor visible = (h.select(1, 2) >= z_near) & (centre.abs() < kernels::kMaxSplatPixel).all(1) &
+                   (length > kernels::kMinQuaternion) & (length < kernels::kMaxQuaternion) &
+                   (g.opacities.sigmoid() >= kernels::kMinSplatAlpha);
   for (const Tensor& t : {g.positions, g.rotations, g.log_scales, g.opacities.unsqueeze(1), g.harmonics.flatten(1)})
     visible = visible & t.isfinite().all(1);
   if (g.normals.defined()) visible = visible & ((g.normals * offset).sum(1) <= 0);
@@ -111,10 +115,11 @@ Tensor blend(const Screen& g, std::int64_t height, std::int64_t width) {
   const auto conic = [&](int i, int j) { return g.conic.select(1, i).select(1, j).view({-1, 1, 1}); };
   const Tensor power = -0.5 * (conic(0, 0) * dx * dx + conic(1, 1) * dy * dy) - conic(0, 1) * dx * dy;
   const Tensor reached = g.opacity.view({-1, 1, 1}) * power.exp();  // [M,H,W]
-  Tensor alpha = torch::where(reached >= kMinAlpha, reached.clamp_max(kMaxAlpha), torch::zeros_like(reached));
+  Tensor alpha = torch::where(reached >= kernels::kMinSplatAlpha, reached.clamp_max(kernels::kMaxSplatAlpha),
+                              torch::zeros_like(reached));
   const Tensor left = (1 - alpha).cumprod(0);
   const Tensor before = torch::cat({torch::ones_like(left.slice(0, 0, 1)), left.slice(0, 0, -1)}, 0);
-  const Tensor weight = torch::where(before >= kMinTransmittance, alpha * before, torch::zeros_like(alpha));
+  const Tensor weight = torch::where(before >= kernels::kMinTransmittance, alpha * before, torch::zeros_like(alpha));
   return torch::matmul(weight.permute({1, 2, 0}), g.value);
 }
 

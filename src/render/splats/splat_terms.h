@@ -13,14 +13,6 @@ struct Cameras {
   torch::Tensor centre;      ///< float64 [B,C,3]
 };
 
-constexpr double kBlur = 0.3;  ///< square pixels, added to both axes
-constexpr double kMinAlpha = 1.0 / 255;
-constexpr double kMaxAlpha = 0.99;
-constexpr double kMinTransmittance = 1e-4;
-constexpr double kOutside = 0.15;                        ///< of the image: J stays constant beyond
-constexpr double kMinLength = 1e-12, kMaxLength = 1e12;  ///< of a quaternion
-constexpr double kBeyond = 1048576;                      ///< pixels: no Gaussian is drawn beyond
-
 SplatImage reference(const Splats& splats, const Cameras& cameras, std::int64_t height, std::int64_t width,
                      const SplatOptions& options);
 SplatImage fused(const Splats& splats, const Cameras& cameras, std::int64_t height, std::int64_t width,

@@ -4,8 +4,8 @@
 namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
-constexpr float kThreshold = -7.99435344f;  // log2(1/255)
-constexpr float kMaxAlpha = 0.99f, kMinTransmittance = 1e-4f;
+constexpr float kThreshold = static_cast<float>(-kLog2Of255);
+constexpr float kMaxAlpha = static_cast<float>(kMaxSplatAlpha), kMinThrough = static_cast<float>(kMinTransmittance);
 constexpr int kStride = SplatScratch::kStride;
 
 inline Float8 lane_numbers8() { return Float8{0, 1, 2, 3, 4, 5, 6, 7}; }
@@ -122,7 +122,7 @@ inline void blend(const SplatRecord* splats, int count, SplatScratch& scratch) {
     const Float8 alpha = next;
     next = alpha_of_run(i + 1);
     const Float8 through = load8(planes[0] + at);
-    const Float8 weight = where8(through >= kMinTransmittance, alpha * through);
+    const Float8 weight = where8(through >= kMinThrough, alpha * through);
     store8(planes[0] + at, through - weight);
     for (int c = 0; c < 3; ++c) store8(planes[1 + c] + at, load8(planes[1 + c] + at) + weight * g.colour[c]);
     if (kDepth) store8(planes[4] + at, load8(planes[4] + at) + weight * g.depth);
@@ -220,7 +220,7 @@ inline void gather(const SplatRecord& g, int begin, int end, SplatScratch& scrat
     const float r = scratch.r[i];
     const Float8 s = run_offsets(g.a, scratch.s[i]), alpha = alpha_of(scratch.exponent[i], s);
     const Float8 through = load8(planes[kThrough] + at);
-    const Int8 open = through >= kMinTransmittance;
+    const Int8 open = through >= kMinThrough;
     const Float8 weight = where8(open, alpha * through);
     store8(planes[kThrough] + at, through - weight);
     Float8 value = load8(planes[kAlpha] + at);

@@ -16,6 +16,9 @@ struct Splats {
   torch::Tensor normals;
 };
 
+/// Y_0, the harmonic of degree 0: the colour of Gaussians of degree 0 is 1/2 + kFirstHarmonic * h.
+constexpr double kFirstHarmonic = 0.28209479177387814;
+
 struct SplatOptions {
   float z_near = 0.01f;        ///< metres; Gaussians whose centres are nearer to the camera plane are not drawn
   bool depth = false;          ///< draw SplatImage::depth too

@@ -15,29 +15,6 @@ using torch::Tensor;
 
 constexpr const char* kOp = "draw_splats";
 
-void check_splats(const Splats& s, const Tensor& projection) {
-  const Tensor& p = s.positions;
-  if (!p.defined() || !p.device().is_cpu() ||
-      (p.scalar_type() != torch::kFloat32 && p.scalar_type() != torch::kFloat64)) {
-    fail<UsageError>("{}: positions must be float32 or float64 [B,N,3] on the CPU, found {}", kOp, describe(p));
-  }
-  const auto check = [&](const char* name, const Tensor& t, torch::IntArrayRef shape, const char* letters) {
-    check_shape(kOp, name, t, shape, letters);
-    check_same_kind(kOp, name, t, p);
-  };
-  check("positions", p, {-1, -1, 3}, "[B,N,3]");
-  const std::int64_t B = p.size(0), N = p.size(1);
-  check("rotations", s.rotations, {B, N, 4}, "[B,N,4]");
-  check("log_scales", s.log_scales, {B, N, 3}, "[B,N,3]");
-  check("opacities", s.opacities, {B, N}, "[B,N]");
-  check("harmonics", s.harmonics, {B, N, -1, 3}, "[B,N,S,3]");
-  const std::int64_t S = s.harmonics.size(2);
-  if (S != 1 && S != 4 && S != 9 && S != 16)
-    fail<UsageError>("{}: {} harmonics of each Gaussian; there must be 1, 4, 9 or 16 (degree 0 to 3)", kOp, S);
-  if (s.normals.defined()) check("normals", s.normals, {B, N, 3}, "[B,N,3]");
-  check("projection", projection, {B, -1, 3, 4}, "[B,C,3,4]");
-}
-
 splats::Cameras cameras_of(const Tensor& projection) {
   const Tensor matrix = projection.detach().to(torch::kFloat64);
   const Tensor scale = matrix.select(2, 2).slice(2, 0, 3).norm(2, 2).view({matrix.size(0), matrix.size(1), 1, 1});
@@ -47,9 +24,33 @@ splats::Cameras cameras_of(const Tensor& projection) {
 
 }  // namespace
 
+void check_splats(const char* op, const Splats& s) {
+  const Tensor& p = s.positions;
+  if (!p.defined() || !p.device().is_cpu() ||
+      (p.scalar_type() != torch::kFloat32 && p.scalar_type() != torch::kFloat64)) {
+    fail<UsageError>("{}: positions must be float32 or float64 [B,N,3] on the CPU, found {}", op, describe(p));
+  }
+  const auto check = [&](const char* name, const Tensor& t, torch::IntArrayRef shape, const char* letters) {
+    check_shape(op, name, t, shape, letters);
+    check_same_kind(op, name, t, p);
+  };
+  check("positions", p, {-1, -1, 3}, "[B,N,3]");
+  const std::int64_t B = p.size(0), N = p.size(1);
+  check("rotations", s.rotations, {B, N, 4}, "[B,N,4]");
+  check("log_scales", s.log_scales, {B, N, 3}, "[B,N,3]");
+  check("opacities", s.opacities, {B, N}, "[B,N]");
+  check("harmonics", s.harmonics, {B, N, -1, 3}, "[B,N,S,3]");
+  const std::int64_t S = s.harmonics.size(2);
+  if (S != 1 && S != 4 && S != 9 && S != 16)
+    fail<UsageError>("{}: found {} spherical harmonics per colour; 1, 4, 9 and 16 are allowed (degree 0 to 3)", op, S);
+  if (s.normals.defined()) check("normals", s.normals, {B, N, 3}, "[B,N,3]");
+}
+
 SplatImage draw_splats(const Splats& splats, const Tensor& projection, std::int64_t height, std::int64_t width,
                        const SplatOptions& options) {
-  check_splats(splats, projection);
+  check_splats(kOp, splats);
+  check_shape(kOp, "projection", projection, {splats.positions.size(0), -1, 3, 4}, "[B,C,3,4]");
+  check_same_kind(kOp, "projection", projection, splats.positions);
   if (height < 1 || width < 1 || height > kernels::kMaxImage || width > kernels::kMaxImage) {
     fail<UsageError>("{}: the image has {} x {} pixels; each side must have 1 to {}", kOp, width, height,
                      kernels::kMaxImage);

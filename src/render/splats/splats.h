@@ -32,6 +32,9 @@ namespace doppel {
 SplatImage draw_splats(const Splats& splats, const torch::Tensor& projection, std::int64_t height, std::int64_t width,
                        const SplatOptions& options = {});
 
+/// @param op begins the message @throws UsageError unless shapes, types and the number of harmonics are those of Splats
+void check_splats(const char* op, const Splats& splats);
+
 /// The real spherical harmonics of unit vectors, with the constants of an orthonormal basis and the signs that files of
 /// 3D Gaussian splatting assume. Plain tensor operations.
 /// @param directions [...,3] @param count 1, 4, 9 or 16 @return [...,count]
