@@ -34,6 +34,17 @@ once() {
   "$doppel" "${@:2}" >/dev/null 2>>"$folder/steps.log" ||
     { echo "$* failed:" && tail -3 "$folder/steps.log"; return 1; } >&2
 }
+# follow PART OPTION ...: from the recording's capture in `detected`, with options of `capture amend`: body, poses and their
+# refinement in the folder PART, without the last quarter of the frames
+follow() {
+  local out="$folder/$1"
+  mkdir -p "$out"
+  once "$1/split.yaml" capture amend "$folder/detected" "${@:2}" --hold-out --validation-share 0 --test-share 0.25 \
+    --out "$out/split.yaml"
+  once "$1/fit/capture.yaml" character fit "$out/split.yaml" --out "$out/fit"
+  once "$1/tracked/capture.yaml" track "$out/fit/capture.yaml" --config "$out/fit/track.yaml" --out "$out/tracked"
+  once "$1/refined/capture.yaml" track refine "$out/tracked" --config "$out/fit/track.yaml" --out "$out/refined"
+}
 # as_options KEY=VALUE ...: fills the array `options` with --set KEY=VALUE ...
 as_options() {
   local change

@@ -26,12 +26,7 @@ once detected/capture.yaml detect "$folder/described.yaml" --masks --out "$folde
 actor() {
   local out="$folder/$1" here="$1" others options seed
   others="$(without "$1")"
-  mkdir -p "$out"
-  once "$here/split.yaml" capture amend "$folder/detected" --cameras "$others" --hold-out --validation-share 0 \
-    --test-share 0.25 --out "$out/split.yaml"
-  once "$here/fit/capture.yaml" character fit "$out/split.yaml" --out "$out/fit"
-  once "$here/tracked/capture.yaml" track "$out/fit/capture.yaml" --config "$out/fit/track.yaml" --out "$out/tracked"
-  once "$here/refined/capture.yaml" track refine "$out/tracked" --config "$out/fit/track.yaml" --out "$out/refined"
+  follow "$here" --cameras "$others"
   local from
   for from in tracked refined; do
     once "$here/$from.yaml" capture amend "$out/$from" --cameras "$cameras" --out "$out/$from.yaml"

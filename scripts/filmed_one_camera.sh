@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# The methods of one camera on a filmed person, for docs/results/filmed.md: LiveCap, and PoseNet with DefNet before and
-# after adaptation. The body is made from all cameras and all frames but the last quarter; the methods then see these
-# frames in one camera and are judged in the others.
+# The methods of one camera on a filmed person, for docs/results/filmed.md: LiveCap, and PoseNet with DefNet. The body is
+# made from all cameras and all frames but the last quarter; the methods then see these frames in one camera and are judged
+# in the others.
 #   scripts/filmed_one_camera.sh RECORDING CAMERA [FOLDER]     default: the folder filmed-one; resumes after an interruption
 # RECORDING holds videos and a calibration. SHARE=1 (the default) of the recipe's steps are made. SEEDS=1 (the default
 # here).
@@ -24,10 +24,7 @@ judge() {
 
 once described.yaml capture init "$recording" --out "$folder/described.yaml"
 once detected/capture.yaml detect "$folder/described.yaml" --masks --out "$folder/detected"
-once split.yaml capture amend "$folder/detected" --hold-out --validation-share 0 --test-share 0.25 --out "$folder/split.yaml"
-once fit/capture.yaml character fit "$folder/split.yaml" --out "$folder/fit"
-once tracked/capture.yaml track "$folder/fit/capture.yaml" --config "$folder/fit/track.yaml" --out "$folder/tracked"
-once refined/capture.yaml track refine "$folder/tracked" --config "$folder/fit/track.yaml" --out "$folder/refined"
+follow .
 once prepared/capture.yaml prepare "$folder/refined" --mask-size 700 --image-size 512 --out "$folder/prepared"
 once small/capture.yaml prepare "$folder/refined" --mask-size 192 --image-size 256 --out "$folder/small"
 others="$(sed -n 's/^cameras: \[\(.*\)\]/\1/p' "$folder/refined/capture.yaml" | tr -d ' ' | tr , '\n' | grep -vx -- "$camera" |

@@ -1,6 +1,6 @@
 #pragma once
 
-/// Gaussians on the surface of an actor, one for each covered texel. The finished mesh carries them.
+/// Gaussians on the surface of an actor, one for each covered texel. They move with the finished mesh.
 
 #include <torch/nn/module.h>
 #include <torch/nn/pimpl.h>
