@@ -15,15 +15,19 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/losses/silhouette.h"
+#include "doppel/render/splats/splat_rows.h"
+#include "doppel/render/splats/splats.h"
 
 struct doppel_actor {
   explicit doppel_actor(doppel::ActorFile opened) : file(std::move(opened)) {}
 
   doppel::ActorFile file;
-  torch::Tensor window;    ///< [1,F+1,D], oldest first
-  torch::Tensor next;      ///< scratch of the same size
-  torch::Tensor vertices;  ///< [1,N,3]; undefined before the first pose
-  torch::Tensor texture;   ///< [1,T,T,3]
+  torch::Tensor window;     ///< [1,F+1,D], oldest first
+  torch::Tensor next;       ///< scratch of the same size
+  torch::Tensor vertices;   ///< [1,N,3]; undefined before the first pose
+  torch::Tensor texture;    ///< [1,T,T,3]
+  torch::Tensor gaussians;  ///< [1,P,14]
+  torch::Tensor drawn;      ///< [1,1,H,W,4]
   torch::Tensor projection = torch::empty({1, 3, 4});
   torch::Tensor faces;    ///< int32 [F,3]
   torch::Tensor normals;  ///< [1,N,3]; undefined before they are asked for
@@ -48,6 +52,25 @@ Result guarded(Result failed, const Body& body) {
 }
 
 const doppel::ActorDescription& description(const doppel_actor* actor) { return actor->file.description(); }
+
+/// @throws Error before the first pose. @param what is asked for, for the message
+void require_pose(const doppel_actor& actor, const char* what) {
+  if (!actor.vertices.defined()) doppel::fail("{} of the actor {}: push a pose first", what, description(&actor).name);
+}
+
+/// The camera as a tensor [1,3,4]. @throws Error for a number that is not finite
+const torch::Tensor& take_projection(doppel_actor& actor, const float projection[12]) {
+  if (std::any_of(projection, projection + 12, [](float value) { return !std::isfinite(value); }))
+    doppel::fail("the actor {} in a camera: a number of the projection is not finite", description(&actor).name);
+  std::memcpy(actor.projection.data_ptr<float>(), projection, 12 * sizeof(float));
+  return actor.projection;
+}
+
+/// The rows of the Gaussians in a camera.
+void find_gaussians(doppel_actor& actor, const float projection[12]) {
+  require_pose(actor, "Gaussians");
+  actor.gaussians = actor.file.gaussians(actor.window, take_projection(actor, projection), actor.vertices).contiguous();
+}
 
 /// Moves the window by one pose; before the first pose, all rows are that pose.
 void next_window(doppel_actor& actor, const float* dofs) {
@@ -119,8 +142,7 @@ void doppel_actor_reset(doppel_actor* actor) { actor->vertices = torch::Tensor()
 
 const float* doppel_actor_vertices(const doppel_actor* actor) {
   return guarded<const float*>(nullptr, [&]() -> const float* {
-    if (!actor->vertices.defined())
-      doppel::fail("vertices of the actor {}: push a pose first", description(actor).name);
+    require_pose(*actor, "vertices");
     return actor->vertices.data_ptr<float>();
   });
 }
@@ -137,8 +159,27 @@ const float* doppel_actor_normals(doppel_actor* actor) {
 const float* doppel_actor_texture(doppel_actor* actor, const float projection[12]) {
   if (doppel_actor_vertices(actor) == nullptr) return nullptr;
   return guarded<const float*>(nullptr, [&]() -> const float* {
-    std::memcpy(actor->projection.data_ptr<float>(), projection, 12 * sizeof(float));
-    actor->texture = actor->file.texture(actor->window, actor->projection, actor->vertices).contiguous();
+    const torch::Tensor& camera = take_projection(*actor, projection);
+    actor->texture = actor->file.texture(actor->window, camera, actor->vertices).contiguous();
     return actor->texture.data_ptr<float>();
+  });
+}
+
+int doppel_actor_num_gaussians(const doppel_actor* actor) { return description(actor).num_gaussians; }
+
+const float* doppel_actor_gaussians(doppel_actor* actor, const float projection[12]) {
+  return guarded<const float*>(nullptr, [&]() -> const float* {
+    find_gaussians(*actor, projection);
+    return actor->gaussians.data_ptr<float>();
+  });
+}
+
+const float* doppel_actor_draw(doppel_actor* actor, const float projection[12], int width, int height) {
+  return guarded<const float*>(nullptr, [&]() -> const float* {
+    find_gaussians(*actor, projection);
+    const doppel::SplatImage image =
+        doppel::draw_splats(doppel::splats_of_rows(actor->gaussians), actor->projection.unsqueeze(1), height, width);
+    actor->drawn = torch::cat({image.colour, image.alpha.unsqueeze(4)}, 4).contiguous();
+    return actor->drawn.data_ptr<float>();
   });
 }

@@ -14,6 +14,7 @@
 #include "doppel/actor/export/animation.h"
 #include "doppel/actor/export/figure_writer.h"
 #include "doppel/actor/export/film.h"
+#include "doppel/actor/export/splat_rig.h"
 #include "doppel/actor/export/splat_writer.h"
 #include "doppel/actor/export/texture_writer.h"
 #include "doppel/actor/run_folder.h"
@@ -31,6 +32,8 @@
 #include "doppel/data/dataset/dataset.h"
 #include "doppel/io/motion_import/read_motion_file.h"
 #include "doppel/io/rig_import/motions_json.h"
+#include "doppel/render/splats/splat_rows.h"
+#include "doppel/render/splats/splats.h"
 
 namespace doppel::tools {
 namespace {
@@ -216,6 +219,19 @@ ActorFile load_model(const std::string& path) {
   return ActorFile::load(path);
 }
 
+/// Checks that a file or a run has what the renderer draws. @throws UsageError without
+void check_renderer(const AnimateOptions& options, const std::optional<ActorFile>& file) {
+  if (options.renderer == "mesh" || !options.run.empty()) return;
+  if (options.renderer == "radiance")
+    fail<UsageError>("--renderer radiance: only a run has a radiance field; give --run RUN");
+  if (!file)
+    fail<UsageError>("--renderer gaussians: a character alone has none; give --run RUN, or --model FILE of such a run");
+  if (file->description().num_gaussians == 0)
+    fail<UsageError>(
+        "--renderer gaussians: {} holds none; export a run whose stage gaussians is trained, without --geometry-only",
+        options.model);
+}
+
 /// The subject of the animation: an exported actor, an actor from its run, or else the skinned template.
 struct Performer {
   Character character;
@@ -223,7 +239,7 @@ struct Performer {
   std::unique_ptr<TrainedActor> trained;
 
   /// The dynamic texture; empty without one.
-  TextureFunction texture() const {
+  LookFunction texture() const {
     if (file && file->description().texture_size > 0)
       return [actor = &*file](const auto& window, const auto& projection, const auto& vertices) {
         return actor->texture(window, projection, vertices);
@@ -237,10 +253,15 @@ struct Performer {
 
   /// Its Gaussians; empty without them.
   SplatFunction splats() const {
-    if (!trained || !trained->gaussians) return nullptr;
-    return [actor = trained.get()](const auto& window, const auto& projection, const auto& vertices) {
-      return actor->splats(window, projection, vertices);
-    };
+    if (file && file->description().num_gaussians > 0)
+      return [actor = &*file](const auto& window, const auto& projection, const auto& vertices) {
+        return splats_of_rows(actor->gaussians(window, projection, vertices));
+      };
+    if (trained && trained->gaussians)
+      return [actor = trained.get()](const auto& window, const auto& projection, const auto& vertices) {
+        return actor->splats(window, projection, vertices);
+      };
+    return nullptr;
   }
 
   /// What draws the actor in place of its mesh; empty for the renderer `mesh`.
@@ -251,9 +272,10 @@ struct Performer {
         return actor->radiance(window, projection, height, width);
       };
     if (renderer == "gaussians")
-      return [actor](const auto& window, const auto& projection, const auto& vertices, std::int64_t height,
-                     std::int64_t width) {
-        const SplatImage drawn = draw_gaussians(*actor, window, projection.unsqueeze(0), vertices, height, width);
+      return [splats = splats()](const auto& window, const auto& projection, const auto& vertices, std::int64_t height,
+                                 std::int64_t width) {
+        const torch::Tensor camera = projection.unsqueeze(0);
+        const SplatImage drawn = draw_splats(splats(window, camera, vertices), camera.unsqueeze(1), height, width);
         return FieldImage{drawn.colour[0][0], drawn.alpha[0][0], {}};
       };
     return nullptr;
@@ -291,6 +313,7 @@ Performer make_performer(const AnimateOptions& options) {
   character_options.bone_rule = options.bone_rule == "prefix" ? BoneRule::prefix : BoneRule::exact;
   performer.character = load_character(options.character, character_options);
   if (!options.model.empty()) performer.file = load_model(options.model);
+  check_renderer(options, performer.file);
   return performer;
 }
 
@@ -325,6 +348,10 @@ std::string speed_text(const nlohmann::ordered_json& speed) {
   return text;
 }
 
+BoneNames bone_names(const AnimateOptions& options) {
+  return options.names == "mixamo" ? BoneNames::mixamo : options.names == "vrm" ? BoneNames::vrm : BoneNames::skeletool;
+}
+
 FigureOptions figure_options(const AnimateOptions& options, double fps) {
   FigureOptions figure;
   figure.glb = options.wants("glb");
@@ -332,9 +359,7 @@ FigureOptions figure_options(const AnimateOptions& options, double fps) {
   figure.pc2 = options.wants("pc2");
   figure.mdd = options.wants("mdd");
   figure.frames_per_second = fps;
-  figure.names = options.names == "mixamo" ? BoneNames::mixamo
-                 : options.names == "vrm"  ? BoneNames::vrm
-                                           : BoneNames::skeletool;
+  figure.names = bone_names(options);
   if (!options.rights.authors.empty() && figure.names != BoneNames::vrm)
     fail<UsageError>("--author belongs to --names vrm");
   figure.rights = options.rights;
@@ -343,17 +368,34 @@ FigureOptions figure_options(const AnimateOptions& options, double fps) {
   return figure;
 }
 
+std::unique_ptr<SequenceWriter> rig_writer(const AnimateOptions& options, const Performer& performer, double fps,
+                                           SplatRigReport& report) {
+  if (!performer.trained || !performer.trained->gaussians)
+    fail<UsageError>(
+        "--format splat-rig needs the Gaussians that all poses share, which a character and a file of --model do not "
+        "have; give --run RUN of `doppel train configs/small/gaussians.yaml --set capture=PREPARED --set ddc=CHAIN "
+        "--out RUN`");
+  return make_splat_rig_writer(options.out, *performer.trained,
+                               {fps, bone_names(options), 0.001 * options.tolerance_mm}, report);
+}
+
+/// What the files with bones lost.
+struct FileReports {
+  FigureReport figure;
+  SplatRigReport rig;
+};
+
 std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& options, const Character& character,
-                                                          const Performer& performer, double fps, FigureReport& figure,
+                                                          const Performer& performer, double fps, FileReports& reports,
                                                           Profile& profile) {
   std::vector<std::unique_ptr<SequenceWriter>> writers;
   const FigureOptions files = figure_options(options, fps);
   if (files.glb || files.usda || files.pc2 || files.mdd)
-    writers.push_back(make_figure_writer(options.out, character, files, figure));
+    writers.push_back(make_figure_writer(options.out, character, files, reports.figure));
   if (options.wants("npy")) writers.push_back(make_npy_writer(options.out, character.num_vertices()));
   if (options.wants("obj")) writers.push_back(make_obj_writer(options.out, character));
   if (options.wants("texture")) {
-    const TextureFunction texture = performer.texture();
+    const LookFunction texture = performer.texture();
     if (!texture)
       fail<UsageError>(
           "--format texture needs an actor with a dynamic texture: --run RUN with a trained TexNet, or --model FILE of "
@@ -366,10 +408,12 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
     if (!splats)
       fail<UsageError>(
           "--format ply and splat-glb need an actor with Gaussians: --run RUN of `doppel train "
-          "configs/small/gaussians.yaml --set capture=PREPARED --set ddc=CHAIN --out RUN`");
+          "configs/small/gaussians.yaml --set capture=PREPARED --set ddc=CHAIN --out RUN`, or --model FILE of such a "
+          "run");
     writers.push_back(make_splat_writer(options.out, splats, camera_path(options, character, fps, read_studio(options)),
                                         {options.wants("ply"), options.wants("splat-glb")}));
   }
+  if (options.wants("splat-rig")) writers.push_back(rig_writer(options, performer, fps, reports.rig));
   if (options.wants("mp4") || options.wants("png")) {
     const Studio studio = read_studio(options);
     FilmOptions film = film_options(options, fps, studio);
@@ -418,6 +462,28 @@ nlohmann::json figure_json(const FigureReport& figure) {
           {"largest_dropped_weight", figure.largest_dropped_weight}};
 }
 
+nlohmann::json rig_json(const SplatRigReport& rig) {
+  nlohmann::json json = figure_json(rig.figure);
+  json.erase("morphs");
+  json["gaussians"] = rig.gaussians;
+  return json;
+}
+
+/// A line for each file with bones.
+std::string files_text(const AnimateOptions& options, const FileReports& reports) {
+  std::string text;
+  const FigureReport &figure = reports.figure, &rig = reports.rig.figure;
+  if (options.wants("glb"))
+    text += fmt::format(
+        "animation.glb: {} bones, {} morph targets; vertices off by {:.2f} mm on average, {:.1f} mm at most\n",
+        figure.nodes, figure.morphs, figure.mean_error_mm, figure.worst_error_mm);
+  if (options.wants("splat-rig"))
+    text +=
+        fmt::format("splats_rig.glb: {} bones, {} Gaussians; centres off by {:.2f} mm on average, {:.1f} mm at most\n",
+                    rig.nodes, reports.rig.gaussians, rig.mean_error_mm, rig.worst_error_mm);
+  return text;
+}
+
 int run(const AnimateOptions& options, const CommonOptions& common) {
   const Performer performer = make_performer(options);
   const Character& character = performer.character;
@@ -427,9 +493,9 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
   const Motion motion =
       options.loop ? loop_motion(read.motion, character.skeleton, blended_frames(read.motion, fps)) : read.motion;
   const FolderLock lock(options.out);
-  FigureReport figure;
+  FileReports reports;
   Profile profile;
-  const auto writers = make_writers(options, character, performer, fps, figure, profile);
+  const auto writers = make_writers(options, character, performer, fps, reports, profile);
   write_motions(options, character, motion, fps);
   const auto start = std::chrono::steady_clock::now();
   perform(options, performer, motion, writers, profile);
@@ -441,17 +507,15 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
                  {"vertices", character.num_vertices()},
                  {"formats", options.formats},
                  {"out", options.out}});
-  if (options.wants("glb")) report["glb"] = figure_json(figure);
+  if (options.wants("glb")) report["glb"] = figure_json(reports.figure);
+  if (options.wants("splat-rig")) report["splat_rig"] = rig_json(reports.rig);
   if (common.json) {
     std::cout << report << "\n";
     return 0;
   }
   std::cout << motion.num_frames() << " frames of " << character.num_vertices() << " vertices written to "
-            << options.out << "; " << speed_text(speed) << "\n";
-  if (options.wants("glb"))
-    std::cout << fmt::format(
-        "animation.glb: {} bones, {} morph targets; vertices off by {:.2f} mm on average, {:.1f} mm at most\n",
-        figure.nodes, figure.morphs, figure.mean_error_mm, figure.worst_error_mm);
+            << options.out << "; " << speed_text(speed) << "\n"
+            << files_text(options, reports);
   return 0;
 }
 
@@ -464,14 +528,14 @@ void add_actor_options(CLI::App& app, AnimateOptions& options) {
                  "How a bone of the skinning weights finds its joint by name: exact or prefix")
       ->check(CLI::IsMember({"exact", "prefix"}))
       ->capture_default_str();
-  CLI::Option* run = app.add_option("--run", options.run,
-                                    "A run instead of --character and --model: its newest mesh and dynamic texture, "
-                                    "its Gaussians, or its radiance field")
-                         ->excludes(character, model);
+  app.add_option("--run", options.run,
+                 "A run instead of --character and --model: its newest mesh and dynamic texture, its Gaussians, or its "
+                 "radiance field")
+      ->excludes(character, model);
   app.add_option("--renderer", options.renderer,
-                 "With --run: images of the mesh, of the Gaussians on it, or of the radiance field around it")
+                 "Images of the mesh, of the Gaussians on it (--run or --model), or of the radiance field around it "
+                 "(--run)")
       ->check(CLI::IsMember({"mesh", "gaussians", "radiance"}))
-      ->needs(run)
       ->capture_default_str();
 }
 
@@ -531,7 +595,7 @@ void add_image_options(CLI::App& app, AnimateOptions& options) {
 }
 
 void add_figure_options(CLI::App& app, AnimateOptions& options) {
-  app.option_defaults()->group("Figure (--format glb, usda)");
+  app.option_defaults()->group("Figure (--format glb, usda, splat-rig)");
   app.add_option("--names", options.names, "Names of the bones: the character's own, Mixamo's or VRM's")
       ->check(CLI::IsMember({"skeletool", "mixamo", "vrm"}))
       ->capture_default_str();
@@ -556,10 +620,11 @@ Command add_animate(CLI::App& program) {
   CLI::App* app = program.add_subcommand("animate", "Drive a character with a motion: vertices, meshes, images, video");
   app->add_option(
          "--format", options->formats,
-         "npy, obj, mp4, png, motion, bvh, glb, usda, pc2, mdd, texture, ply, splat-glb, or several with commas")
+         "npy, obj, mp4, png, motion, bvh, glb, usda, pc2, mdd, texture, ply, splat-glb, splat-rig, or several with "
+         "commas")
       ->delimiter(',')
-      ->check(CLI::IsMember(
-          {"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "usda", "pc2", "mdd", "texture", "ply", "splat-glb"}))
+      ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "usda", "pc2", "mdd", "texture", "ply",
+                             "splat-glb", "splat-rig"}))
       ->capture_default_str();
   app->add_option("--out", options->out, "The folder to write into")->required();
   const std::string usual_group = app->option_defaults()->get_group();

@@ -14,6 +14,7 @@
 #include "doppel/actor/trained_actor.h"
 #include "doppel/actor/trained_pose.h"
 #include "doppel/core/error.h"
+#include "doppel/render/splats/splat_rows.h"
 #include "doppel/view/web_folder.h"
 
 namespace doppel::tools {
@@ -34,6 +35,7 @@ ActorDescription describe(const TrainedActor& trained) {
   description.frames_per_second = trained.frames_per_second;
   description.fingerprint = trained.character.fingerprint();
   if (trained.texnet) description.texture_size = trained.texnet->config().texture_size();
+  if (trained.gaussians) description.num_gaussians = static_cast<int>(trained.gaussians->points().texel.size(0));
   return description;
 }
 
@@ -42,6 +44,7 @@ std::vector<std::pair<std::string, torch::nn::Module*>> modules_of(TrainedActor&
                                                                      {"surface", trained.surface.get()}};
   if (trained.deltanet) modules.emplace_back("deltanet", trained.deltanet.get());
   if (trained.texnet) modules.emplace_back("texnet", trained.texnet.get());
+  if (trained.gaussians) modules.emplace_back("surface_gaussians", trained.gaussians.get());
   return modules;
 }
 
@@ -58,11 +61,19 @@ void export_actor(const ExportArguments& arguments, const std::optional<std::fil
     fail<UsageError>("--pose-only: {} has no DefNet to leave out; the option is for runs of deepcap", arguments.run);
   TrainedActor trained = TrainedActor::load(arguments.run, capture);
   const std::filesystem::path out = out_path(arguments, "actor." + extension_of(arguments.format));
-  if (arguments.geometry_only) trained.texnet = nullptr;
-  ActorFunctions functions{[&](const torch::Tensor& window) { return trained.fine(window); }, nullptr};
+  if (arguments.geometry_only) {
+    trained.texnet = nullptr;
+    trained.gaussians = nullptr;
+  }
+  ActorFunctions functions{[&](const torch::Tensor& window) { return trained.fine(window); }};
   if (trained.texnet)
     functions.texture = [&](const torch::Tensor& window, const torch::Tensor& projection,
                             const torch::Tensor& vertices) { return trained.texture(window, projection, vertices); };
+  if (trained.gaussians)
+    functions.gaussians = [&](const torch::Tensor& window, const torch::Tensor& projection,
+                              const torch::Tensor& vertices) {
+      return splat_rows(trained.splats(window, projection, vertices), projection);
+    };
   if (arguments.format == "safetensors")
     write_actor_weights(out, trained.character, describe(trained), modules_of(trained));
   else if (arguments.format == "onnx")
@@ -75,7 +86,10 @@ void export_actor(const ExportArguments& arguments, const std::optional<std::fil
   else
     std::cout << "actor " << out.string() << ": " << trained.character.num_vertices() << " vertices from windows of "
               << trained.past_frames() + 1 << " poses, " << bytes / 1000 << " kB, up to "
-              << (trained.texnet ? "texnet" : trained.geometry_name()) << "\n";
+              << (trained.gaussians ? "gaussians"
+                  : trained.texnet  ? "texnet"
+                                    : trained.geometry_name())
+              << "\n";
 }
 
 void export_page(const ExportArguments& arguments, const CommonOptions& common) {
@@ -156,12 +170,12 @@ Command add_export(CLI::App& program) {
   app->add_option("--motion", arguments->motion,
                   "web: the motion to play, as for `doppel animate` (default: a test sequence of the capture)");
   app->add_flag("--geometry-only", arguments->geometry_only,
-                "Actor: leave TexNet out; the file is smaller and gives only vertices");
+                "Actor: leave TexNet and the Gaussians out; the file is smaller and gives only vertices");
   app->add_flag("--pose-only", arguments->pose_only,
                 "Run of deepcap: leave DefNet out; the file is smaller and gives skinned vertices");
   app->footer(
       "Examples:\n"
-      "  doppel export --run runs/anna --out anna.pt               # motion -> vertices, texture\n"
+      "  doppel export --run runs/anna --out anna.pt               # motion -> vertices, texture, Gaussians\n"
       "  doppel export --run runs/anna --format onnx --out anna.onnx\n"
       "  doppel export --run runs/anna --format safetensors --out anna.safetensors\n"
       "  doppel export --run runs/anna --format web --out page      # a page without a server of its own\n"

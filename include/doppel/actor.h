@@ -1,8 +1,8 @@
 /** @file
  * A streaming host for exported actors, in C. Link libdoppel.so.
  *
- * An actor is a file of `doppel export` on a run of egnet or ddc. Push one pose a frame; then ask for vertices, normals
- * and the dynamic texture. The actor keeps the window of past poses that its networks need.
+ * An actor is a file of `doppel export` on a run of egnet or ddc. Push one pose a frame; then ask for vertices, normals,
+ * the dynamic texture, or a drawing of the actor. The actor keeps the window of past poses that its networks need.
  *
  * Units are metres, the world is right-handed with y up. An actor is used by one thread at a time; several actors may
  * be used by several threads. Arrays belong to the actor. Those of a pose are valid until the next push, reset or
@@ -62,6 +62,18 @@ DOPPEL_API const float* doppel_actor_normals(doppel_actor* actor);
 /** [size,size,3] RGB 0..1, row 0 at v = 1, for a camera: `projection` [3,4], row by row, pixels from world metres.
  * NULL: no pose was pushed, or the file has no dynamic texture. */
 DOPPEL_API const float* doppel_actor_texture(doppel_actor* actor, const float projection[12]);
+
+/** Gaussians on the surface. 0: the file has none. */
+DOPPEL_API int doppel_actor_num_gaussians(const doppel_actor* actor);
+/** [gaussians,14] as the camera `projection` sees them: centre x y z (world, metres), unit quaternion w x y z, standard
+ * deviations along the rotated axes (metres), opacity 0..1, red green blue 0..1 as displayed. For hosts that draw
+ * Gaussians themselves. Valid until the next call of this function or of doppel_actor_draw. NULL: no pose was pushed, or
+ * the file has no Gaussians. */
+DOPPEL_API const float* doppel_actor_gaussians(doppel_actor* actor, const float projection[12]);
+/** Draws the Gaussians in a camera: [height,width,4] red, green, blue and alpha, 0..1, row 0 at the top. Colours are
+ * already multiplied by alpha: over a background b, a pixel shows rgb + (1 - alpha) b. Valid until the next call.
+ * NULL: no pose was pushed, the file has no Gaussians, or a side is not 1 to 16384 pixels. */
+DOPPEL_API const float* doppel_actor_draw(doppel_actor* actor, const float projection[12], int width, int height);
 
 #ifdef __cplusplus
 }

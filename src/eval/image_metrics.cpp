@@ -28,6 +28,7 @@ namespace {
 
 constexpr int kWindow = 11;
 constexpr double kSigma = 1.5;
+constexpr int kOutlinePixels = 3;
 /// Frames drawn at once; bounds the memory for images.
 constexpr std::size_t kImagesAtOnce = 8;
 /// Rows of windows whose SSIM is computed at once: few enough for the caches.
@@ -72,6 +73,7 @@ PhotometricScores& operator+=(PhotometricScores& sum, const PhotometricScores& o
   sum.full += other.full;
   add_if_there(sum.filmed, other.filmed);
   sum.missing_MSE += other.missing_MSE;
+  sum.outline_MSE += other.outline_MSE;
   sum.foreground += other.foreground;
   sum.drawn_detail += other.drawn_detail;
   sum.filmed_detail += other.filmed_detail;
@@ -90,7 +92,9 @@ PhotometricScores mean_of(const std::vector<PhotometricScores>& all) {
     if (*part) parts.push_back(&**part);
   for (ImageScores* scores : parts)
     for (double* value : {&scores->MSE, &scores->PSNR, &scores->SSIM}) *value /= count;
-  for (double* value : {&mean.missing_MSE, &mean.foreground, &mean.drawn_detail, &mean.filmed_detail}) *value /= count;
+  for (double* value :
+       {&mean.missing_MSE, &mean.outline_MSE, &mean.foreground, &mean.drawn_detail, &mean.filmed_detail})
+    *value /= count;
   if (mean.LPIPS) *mean.LPIPS /= count;
   return mean;
 }
@@ -227,6 +231,14 @@ cv::Mat drawn_over(const cv::Mat& drawn, const cv::Mat& covered, const torch::Te
   return image_view(rounded).clone();
 }
 
+/// The pixels of a mask within kOutlinePixels of its edge. The border of the image is no edge.
+cv::Mat outline_of(const cv::Mat& mask) {
+  constexpr int kSide = 2 * kOutlinePixels + 1;
+  cv::Mat core;
+  cv::erode(mask, core, cv::getStructuringElement(cv::MORPH_ELLIPSE, {kSide, kSide}));
+  return mask & ~core;
+}
+
 /// @param shown the drawing over black @param over the drawing over the background @param true_person `ground_truth`
 /// inside `mask`
 PhotometricScores score(const cv::Mat& shown, const cv::Mat& covered, const cv::Mat& ground_truth, const cv::Mat& mask,
@@ -237,6 +249,8 @@ PhotometricScores score(const cv::Mat& shown, const cv::Mat& covered, const cv::
   scores.full = compare_images(over, ground_truth);
   missing.setTo(cv::Scalar::all(0), covered);
   scores.missing_MSE = mean_square(missing, cv::Mat::zeros(ground_truth.size(), CV_8UC3));
+  const cv::Mat rim = outline_of(mask);
+  scores.outline_MSE = mean_square(inside(shown, rim), inside(true_person, rim));
   scores.foreground = static_cast<double>(cv::countNonZero(mask)) / static_cast<double>(mask.total());
   const cv::Mat both = mask & covered;
   scores.drawn_detail = detail_energy(shown, both);
@@ -327,6 +341,7 @@ nlohmann::ordered_json scores_json(const PhotometricScores& scores) {
   json["full"] = scores.full.to_json();
   if (scores.filmed) json["filmed"] = scores.filmed->to_json();
   json["missing_MSE"] = scores.missing_MSE;
+  json["outline_MSE"] = scores.outline_MSE;
   json["foreground"] = scores.foreground;
   if (scores.filmed_detail > 0.0) json["sharpness"] = scores.drawn_detail / scores.filmed_detail;
   if (scores.LPIPS) json["LPIPS"] = *scores.LPIPS;
@@ -420,6 +435,8 @@ nlohmann::ordered_json photometric_protocol(const Dataset& dataset, const Evalua
       fmt::format("Gaussian window {} x {}, sigma {}, range 255, windows inside the image, mean over channels", kWindow,
                   kWindow, kSigma);
   json["missing_MSE"] = "part of the masked MSE from pixels of the mask where nothing is drawn; the rest is colour";
+  json["outline_MSE"] =
+      fmt::format("part of the masked MSE from pixels of the mask within {} pixels of its edge", kOutlinePixels);
   json["foreground"] = "share of the true mask in the crop; MSE / foreground is the MSE of the person alone";
   json["sharpness"] = fmt::format(
       "energy of the drawing above {} cycles per pixel over that of the image, inside both the true mask and the "

@@ -36,6 +36,7 @@ void describe_keys(const Keys& keys, GaussiansConfig& config) {
   keys.require("levels", (1 << config.levels) <= config.size,
                fmt::format("{} halvings of {} texels are too many", config.levels, config.size));
   keys("camera", config.camera, "the network sees the camera's position, relative to the root, and direction");
+  keys("cull", config.cull, "Gaussians whose texel faces away from the camera are not drawn");
   config.unet.head_scale = kHeadScale;
   describe_keys(keys, config.unet);
 }
@@ -109,7 +110,6 @@ Tensor GaussiansImpl::changes(const TexNetInput& maps, const std::optional<at::G
 
 Splats GaussiansImpl::forward(const SurfaceFrames& frames, const std::optional<TexNetInput>& maps,
                               const std::optional<at::Generator>& generator, const BatchShare& share) {
-  const std::int64_t B = frames.positions.size(0), P = points_.texel.size(0);
   Tensor offset = offsets().unsqueeze(0), scale = log_scales().unsqueeze(0),
          opacity = std::log(config_.opacity / (1.0 - config_.opacity)) + kOpacityStep * opacity_.unsqueeze(0),
          colour = first_colour_.unsqueeze(0) + kColourStep * colour_.unsqueeze(0);
@@ -124,10 +124,11 @@ Splats GaussiansImpl::forward(const SurfaceFrames& frames, const std::optional<T
   const Tensor own = kRotationStep * rotation_ + torch::tensor({1.0, 0.0, 0.0, 0.0}, torch::kFloat32);
   Splats out;
   out.positions = frames.positions + turned(frames.rotations, offset);
-  out.rotations = quaternion_product(frames.rotations, own.unsqueeze(0).expand({B, P, 4}));
-  out.log_scales = scale.expand({B, P, 3});
-  out.opacities = opacity.expand({B, P});
-  out.harmonics = ((colour.expand({B, P, 3}) - 0.5) / kFirstHarmonic).unsqueeze(2);
+  out.rotations = quaternion_product(frames.rotations, own.unsqueeze(0));
+  out.log_scales = scale.expand_as(frames.positions);
+  out.opacities = opacity.expand_as(frames.positions.select(2, 0));
+  out.harmonics = ((colour.expand_as(frames.positions) - 0.5) / kFirstHarmonic).unsqueeze(2);
+  if (config_.cull) out.normals = frames.normals;
   return out;
 }
 

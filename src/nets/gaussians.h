@@ -24,6 +24,7 @@ struct GaussiansConfig {
   int past_frames = 2;   ///< F of the network's input
   int levels = 0;        ///< halvings of the UNet; 0: down to one texel, at most 10
   bool camera = true;    ///< the network sees the camera's position and direction
+  bool cull = false;     ///< Gaussians whose texel faces away from a camera are not drawn there
   UNetConfig unet;
 
   /// The maps that the network sees, in the form of TexNet's.

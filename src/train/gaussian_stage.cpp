@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "doppel/actor/draw.h"
 #include "doppel/losses/images.h"
 #include "doppel/losses/similarity.h"
 #include "doppel/train/image_sheet.h"
@@ -69,6 +70,17 @@ LossTerms GaussianStage::loss(const Batch& batch, StepContext& context) {
           {"scale", gaussians_->excess_scale(config_.largest_scale), config_.scale, same_on_all_ranks}};
 }
 
+namespace {
+
+/// The look of the mesh that the Gaussians are compared with: TexNet's texture, else the static one, under light if
+/// this was learnt. @param batch B = C = 1
+Appearance mesh_appearance(TrainedActor& actor, const Batch& batch) {
+  if (actor.texnet) return dynamic_appearance(actor, batch.dofs, batch.image_projection[0]);
+  return actor.lighting ? lit_appearance(actor, batch.cameras) : static_appearance(actor);
+}
+
+}  // namespace
+
 std::vector<ReportImage> GaussianStage::images() {
   std::vector<ReportImage> images;
   const int past_frames = loader_options().past_frames;
@@ -78,18 +90,19 @@ std::vector<ReportImage> GaussianStage::images() {
     ImageSheet sheet(dataset(), loader_options().image_size);
     for (const SampleId& sample : samples) {
       const Batch batch = sheet.batch(sample, past_frames);
-      const auto views = batch.cameras.size(1);
-      const Tensor windows = batch.dofs.expand({views, -1, -1}).contiguous();
-      const Tensor projection = batch.image_projection[0].unsqueeze(1);
-      const Tensor vertices = actor_.fine(batch.dofs).expand({views, -1, -1});
+      const auto height = batch.image.size(2), width = batch.image.size(3);
+      const Tensor vertices = actor_.fine(batch.dofs);
+      const ShadedImage mesh =
+          draw(*actor_.mesh, vertices, mesh_appearance(actor_, batch), batch.image_projection, height, width);
       const SplatImage drawn =
-          draw_splats(posed_splats(actor_, gaussians_, space_, windows, batch.image_projection[0], vertices),
-                      projection, batch.image.size(2), batch.image.size(3));
-      sheet.add(batch, {{drawn.colour.transpose(0, 1), drawn.alpha.transpose(0, 1) > 0.5, {}}});
+          draw_splats(posed_splats(actor_, gaussians_, space_, batch.dofs, batch.image_projection[0], vertices),
+                      batch.image_projection, height, width);
+      sheet.add(batch, {mesh, {drawn.colour, drawn.alpha > 0.5, {}}});
     }
     const std::string word = to_string(split);
-    images.push_back(
-        {"gaussians-" + word, word + " split: filmed image, drawn Gaussians and their error", sheet.image()});
+    images.push_back({"gaussians-" + word,
+                      word + " split: filmed image, textured mesh and its error, drawn Gaussians and their error",
+                      sheet.image()});
   }
   return images;
 }

@@ -39,7 +39,8 @@ nlohmann::json description(const ViewSubject& subject, const Motion& motion) {
     stages.push_back({{"name", stage.name},
                       {"past_frames", stage.past_frames},
                       {"texture_size", stage.texture_size},
-                      {"geometry", stage.texture ? stage.geometry : stage.name}});
+                      {"gaussians", stage.num_gaussians},
+                      {"geometry", stage.geometry.empty() ? stage.name : stage.geometry}});
   return {{"name", subject.character.name},
           {"vertices", subject.character.num_vertices()},
           {"frames", motion.num_frames()},

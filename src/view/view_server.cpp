@@ -175,6 +175,7 @@ struct ViewServer::State {
     const torch::Tensor vertices = stage.vertices(windows);
     std::string bytes = bytes_of(vertices) + bytes_of(joints(window.narrow(0, window.size(0) - 1, 1)));
     if (stage.texture) bytes += texel_bytes(stage.texture(windows, projection_of(request), vertices));
+    if (stage.gaussians) bytes += bytes_of(stage.gaussians(windows, projection_of(request), vertices));
     return bytes;
   }
 

@@ -16,7 +16,8 @@ namespace doppel {
 /// - `GET /double/description.json`, `mesh.bin`, `motion.bin`, `texture.jpg`, `points.bin`: see view_files.h
 /// - `GET /api/frame?i=0&stage=skinning`: float32 vertices [N,3], then joints [J,3], world metres. For a stage with a
 ///   dynamic texture, `&projection=` gives the camera, twelve numbers [3,4] (pixels from world metres), and the texture
-///   follows: uint8 RGBA [T,T,4], row 0 at v = 1
+///   follows: uint8 RGBA [T,T,4], row 0 at v = 1. For a stage with Gaussians, the same, and float32 rows [P,14] follow
+///   (splat_rows.h)
 /// - `POST /api/pose?stage=skinning` with float32 [D]: the same for a pose that stands still
 /// - `POST /api/motion?name=walk.bvh` with the bytes of a motion file: the motion is played from now on (motion_for);
 ///   JSON with `frames`, or 400 and what is wrong with the file

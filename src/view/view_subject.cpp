@@ -14,6 +14,7 @@
 #include "doppel/data/dataset/dataset.h"
 #include "doppel/io/motion_import/read_motion_file.h"
 #include "doppel/layers/surface.h"
+#include "doppel/render/splats/splat_rows.h"
 
 namespace doppel {
 namespace {
@@ -24,6 +25,24 @@ ViewStage skinning_stage(const Character& character) {
   return {"skinning", 0, [surface = CharacterSurface(character)](const torch::Tensor& window) mutable {
             return surface->skinned(window.select(1, window.size(1) - 1));
           }};
+}
+
+/// A stage with the vertices of `geometry` and a dynamic texture.
+ViewStage textured_stage(const ViewStage& geometry, LookFunction texture, int size) {
+  ViewStage stage{"textured", geometry.past_frames, geometry.vertices};
+  stage.geometry = geometry.name;
+  stage.texture = std::move(texture);
+  stage.texture_size = size;
+  return stage;
+}
+
+/// A stage with the vertices of `geometry`, drawn as Gaussians.
+ViewStage gaussian_stage(const ViewStage& geometry, LookFunction gaussians, int count) {
+  ViewStage stage{"gaussians", geometry.past_frames, geometry.vertices};
+  stage.geometry = geometry.name;
+  stage.gaussians = std::move(gaussians);
+  stage.num_gaussians = count;
+  return stage;
 }
 
 ViewSubject of_character(const fs::path& path) {
@@ -87,14 +106,21 @@ ViewSubject of_run(const fs::path& run, const ViewOptions& options) {
   if (trained->deltanet)
     subject.stages.push_back(
         {"deltanet", trained->past_frames(), [trained](const torch::Tensor& w) { return trained->fine(w); }});
-  if (trained->texnet && !options.geometry_only) {
-    const ViewStage finest = subject.stages.back();
-    subject.stages.push_back({"textured", trained->past_frames(), finest.vertices,
-                              [trained](const auto& w, const auto& camera, const auto& surface) {
-                                return trained->texture(w, camera, surface);
-                              },
-                              static_cast<int>(trained->texnet->config().texture_size()), finest.name});
-  }
+  const ViewStage finest = subject.stages.back();
+  if (trained->texnet && !options.geometry_only)
+    subject.stages.push_back(textured_stage(
+        finest,
+        [trained](const auto& w, const auto& camera, const auto& surface) {
+          return trained->texture(w, camera, surface);
+        },
+        static_cast<int>(trained->texnet->config().texture_size())));
+  if (trained->gaussians && !options.geometry_only)
+    subject.stages.push_back(gaussian_stage(
+        finest,
+        [trained](const auto& w, const auto& camera, const auto& surface) {
+          return splat_rows(trained->splats(w, camera, surface), camera);
+        },
+        static_cast<int>(trained->gaussians->points().texel.size(0))));
   take_motion(subject, trained->subject.open_dataset());
   return subject;
 }
@@ -113,11 +139,17 @@ ViewSubject of_actor_file(const fs::path& path, const fs::path& character) {
                      subject.character.num_vertices());
   subject.frames_per_second = d.frames_per_second;
   subject.stages.push_back({"actor", d.past_frames, [file](const torch::Tensor& w) { return file->forward(w); }});
+  const ViewStage geometry = subject.stages.back();
   if (d.texture_size > 0)
-    subject.stages.push_back(
-        {"textured", d.past_frames, subject.stages.back().vertices,
-         [file](const auto& w, const auto& camera, const auto& surface) { return file->texture(w, camera, surface); },
-         d.texture_size, "actor"});
+    subject.stages.push_back(textured_stage(
+        geometry,
+        [file](const auto& w, const auto& camera, const auto& surface) { return file->texture(w, camera, surface); },
+        d.texture_size));
+  if (d.num_gaussians > 0)
+    subject.stages.push_back(gaussian_stage(
+        geometry,
+        [file](const auto& w, const auto& camera, const auto& surface) { return file->gaussians(w, camera, surface); },
+        d.num_gaussians));
   return subject;
 }
 

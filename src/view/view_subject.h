@@ -17,14 +17,18 @@ namespace doppel {
 
 /// One way to make a surface from poses. The weights of its networks require no gradients.
 struct ViewStage {
-  std::string name;        ///< skinning, egnet, deltanet, actor or textured
+  std::string name;        ///< skinning, egnet, deltanet, actor, textured or gaussians
   int past_frames = 0;     ///< F of its motion windows
   ActorFunction vertices;  ///< [B,F+1,D] -> [B,N,3], world metres
   /// The dynamic texture: window, projection [B,3,4] (pixels from world metres) and this stage's vertices -> [B,T,T,3]
   /// RGB 0..1, row 0 at v = 1. Empty: the template's texture.
-  std::function<torch::Tensor(const torch::Tensor&, const torch::Tensor&, const torch::Tensor&)> texture = {};
-  int texture_size = 0;       ///< T; 0 without `texture`
-  std::string geometry = {};  ///< with `texture`: the earlier stage that has the same vertices
+  LookFunction texture = {};
+  int texture_size = 0;  ///< T; 0 without `texture`
+  /// The Gaussians that are drawn in place of the surface: window, projection and vertices -> rows [B,P,14]
+  /// (splat_rows.h). Empty: the surface is drawn.
+  LookFunction gaussians = {};
+  int num_gaussians = 0;      ///< P; 0 without `gaussians`
+  std::string geometry = {};  ///< with `texture` or `gaussians`: the earlier stage that has the same vertices
 };
 
 /// What `doppel view` shows: a character, or a sequence of a capture that has none.

@@ -24,34 +24,40 @@ const Package kRuntime = {
      {"dist/ort-wasm-simd-threaded.mjs", "e13f7f94fc51b4ca72b12faeb1ee95f4ace6dfbc8939bc718aabdc0a27c4299b"},
      {"dist/ort-wasm-simd-threaded.wasm", "3398c10d07d229bd91b364548e130e0e51a8e5704b88c7c083ebbeb78842dee2"}}};
 
-constexpr double kPositionTolerance = 1e-5;  // metres
-constexpr double kColourTolerance = 1e-3;    // of 0..1
-
 /// A function as an ONNX model of any batch size. @param sample makes its inputs of a batch size from a seed
 std::string traced_model(const ScriptFileWriter::Function& function,
                          const std::function<Stack(int, std::uint64_t)>& sample, const OnnxSignature& signature,
-                         double tolerance) {
+                         double tolerance, const ScriptFileWriter::Compared& compared = nullptr) {
   ScriptFileWriter traced(ScriptKind::actor, {});
   traced.add("forward", sample(1, 1), function);
-  traced.check("forward", sample(2, 2), function, {tolerance});
+  traced.check("forward", sample(2, 2), function, {tolerance}, compared);
   return onnx_model(traced.module(), "forward", signature, {sample(1, 3), sample(2, 3)}, {});
 }
 
 std::string geometry_model(const ViewStage& stage, const ActorDescription& sizes) {
   const auto function = [&](const Stack& inputs) -> Stack { return {stage.vertices(inputs.at(0).toTensor())}; };
   const auto sample = [&](int batch, std::uint64_t seed) -> Stack { return {random_windows(sizes, batch, seed)}; };
-  return traced_model(function, sample, {{"window"}, {"vertices"}}, kPositionTolerance);
+  return traced_model(function, sample, {{"window"}, {"vertices"}}, kTraceTolerance);
 }
 
-std::string texture_model(const ViewStage& stage, const ActorDescription& sizes) {
+/// The stage's texture or Gaussians. @param output their name @param compared as ScriptFileWriter::check
+std::string look_model(const ViewStage& stage, const LookFunction& look, const char* output,
+                       const ActorDescription& sizes, const ScriptFileWriter::Compared& compared = nullptr) {
   const auto function = [&](const Stack& inputs) -> Stack {
-    return {stage.texture(inputs.at(0).toTensor(), inputs.at(1).toTensor(), inputs.at(2).toTensor())};
+    return {look(inputs.at(0).toTensor(), inputs.at(1).toTensor(), inputs.at(2).toTensor())};
   };
   const auto sample = [&](int batch, std::uint64_t seed) -> Stack {
     const torch::Tensor window = random_windows(sizes, batch, seed);
     return {window, random_projections(batch, seed), stage.vertices(window)};
   };
-  return traced_model(function, sample, {{"window", "projection", "vertices"}, {"texture"}}, kColourTolerance);
+  return traced_model(function, sample, {{"window", "projection", "vertices"}, {output}}, kTraceColourTolerance,
+                      compared);
+}
+
+std::string stage_model(const ViewStage& stage, const ActorDescription& sizes) {
+  if (stage.gaussians) return look_model(stage, stage.gaussians, "gaussians", sizes, comparable_gaussians);
+  if (stage.texture) return look_model(stage, stage.texture, "texture", sizes);
+  return geometry_model(stage, sizes);
 }
 
 std::string joint_model(const Character& character, const ActorDescription& sizes) {
@@ -62,7 +68,7 @@ std::string joint_model(const Character& character, const ActorDescription& size
   const auto sample = [&](int batch, std::uint64_t seed) -> Stack {
     return {random_windows(sizes, batch, seed).select(1, 0)};
   };
-  return traced_model(function, sample, {{"dofs"}, {"joints"}}, kPositionTolerance);
+  return traced_model(function, sample, {{"dofs"}, {"joints"}}, kTraceTolerance);
 }
 
 void write_page(const fs::path& folder) {
@@ -85,8 +91,7 @@ void write_models(const fs::path& folder, const ViewSubject& subject) {
   write_atomically(folder / "joints.onnx", joint_model(subject.character, sizes));
   for (const ViewStage& stage : subject.stages) {
     sizes.past_frames = stage.past_frames;
-    write_atomically(folder / (stage.name + ".onnx"),
-                     stage.texture ? texture_model(stage, sizes) : geometry_model(stage, sizes));
+    write_atomically(folder / (stage.name + ".onnx"), stage_model(stage, sizes));
   }
 }
 

@@ -12,8 +12,9 @@ namespace doppel {
 /// `folder` gets
 /// - `index.html` and `assets/`: the page
 /// - `double/`: the files of view_files.h and ONNX models. For a stage `STAGE.onnx`: `window` [B,F+1,D] -> `vertices`
-///   [B,N,3]; for one with a dynamic texture: `window`, `projection` [B,3,4], `vertices` -> `texture` [B,T,T,3].
-///   `joints.onnx`: `dofs` [B,D] -> `joints` [B,J,3]
+///   [B,N,3]; for one with a dynamic texture: `window`, `projection` [B,3,4], `vertices` -> `texture` [B,T,T,3];
+///   for Gaussians, the same inputs -> `gaussians` [B,P,14] (splat_rows.h). `joints.onnx`: `dofs` [B,D] -> `joints`
+///   [B,J,3]
 /// - `runtime/`: ONNX Runtime, 14 MB, fetched on first use (core/fetch/package_files.h)
 ///
 /// A folder that exists is replaced only if it holds such a page.

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <memory>
+#include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
 #include "doppel/data/dataset/batch_builder.h"
@@ -133,7 +134,25 @@ class PhotometricCapture : public ::testing::Test {
       return RenderedImages{colour * batch.image_mask.unsqueeze(-1), batch.image_mask};
     };
   }
-  /// The same, which also draws the ground truth in the whole image: from the file, inside the mask.
+  /// Off by 10 levels where the distance in pixels from the edge of the mask is as `wrong` says.
+  static ImageFunction off_by_distance(const std::function<torch::Tensor(const torch::Tensor&)>& wrong) {
+    return [wrong](const ImageRequest& request) {
+      RenderedImages drawn = ground_truth(0)(request);
+      const torch::Tensor off = ground_truth(10)(request).colour;
+      for (std::int64_t b = 0; b < drawn.covered.size(0); ++b) {
+        const torch::Tensor mask =
+            (drawn.covered[b].view({request.size, request.size}) * 255).to(torch::kUInt8).clone();
+        cv::Mat distance;
+        cv::distanceTransform(cv::Mat(request.size, request.size, CV_8U, mask.data_ptr()), distance, cv::DIST_L2,
+                              cv::DIST_MASK_PRECISE);
+        const torch::Tensor away = torch::from_blob(distance.data, {request.size, request.size, 1});
+        const torch::Tensor whole = drawn.colour[b].view({request.size, request.size, 3});
+        drawn.colour[b].copy_(torch::where(wrong(away), off[b].view_as(whole), whole).view_as(drawn.colour[b]));
+      }
+      return drawn;
+    };
+  }
+  /// The ground truth, also drawn in the whole image: from the file, inside the mask.
   static ImageFunction whole_ground_truth(int brighter) {
     return [brighter](const ImageRequest& request) {
       RenderedImages drawn = ground_truth(brighter)(request);
@@ -202,6 +221,15 @@ TEST_F(PhotometricReference, AConstantErrorCountsByTheShareOfThePerson) {
   EXPECT_NEAR(result.mean.masked.MSE, 100.0 * result.mean.foreground, 1e-9);
   EXPECT_EQ(result.mean.missing_MSE, 0.0);
   EXPECT_LT(result.mean.masked.SSIM, 1.0);
+}
+
+TEST_F(PhotometricReference, ErrorsWithinThreePixelsOfTheEdgeAreThePartOfTheOutline) {
+  const auto near = evaluate(off_by_distance([](const torch::Tensor& away) { return away <= 2.0; })).mean;
+  EXPECT_GT(near.masked.MSE, 0.0);
+  EXPECT_NEAR(near.outline_MSE, near.masked.MSE, 1e-9);
+  const auto inner = evaluate(off_by_distance([](const torch::Tensor& away) { return away > 4.0; })).mean;
+  EXPECT_GT(inner.masked.MSE, 0.0);
+  EXPECT_EQ(inner.outline_MSE, 0.0);
 }
 
 TEST_F(PhotometricReference, PixelsThatAreNotDrawnAreTheMissingPart) {

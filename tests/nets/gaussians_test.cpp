@@ -62,6 +62,15 @@ TEST(Gaussians, BeginOnTheSurfaceWithItsColours) {
   EXPECT_GT(gaussians->excess_scale(0.5).item<double>(), 0.0);
 }
 
+TEST(Gaussians, CarryTheNormalsOfTheirTexelsOnlyWithCull) {
+  const Square square;
+  GaussiansConfig config = small_config(false);
+  EXPECT_FALSE(Gaussians(config, square.texels, Tensor())->forward(square.frames, std::nullopt).normals.defined());
+  config.cull = true;
+  const Splats s = Gaussians(config, square.texels, Tensor())->forward(square.frames, std::nullopt);
+  EXPECT_TRUE(torch::equal(s.normals, square.frames.normals));
+}
+
 TEST(Gaussians, TakeTheLightAtTheNormal) {
   const Square square;  // its normal is up
   GaussiansConfig config = small_config(false);

@@ -473,12 +473,15 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   const nlohmann::json by_gaussians = nlohmann::json::parse(splats.out)["splits"]["test"];
   EXPECT_LT(by_gaussians["gaussians"]["MSE"].get<double>(), by_gaussians["lit"]["MSE"].get<double>());
   const std::string film = "animate --motion " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") +
-                           " --video-size 96 --format png,ply,splat-glb --renderer gaussians ";
+                           " --video-size 96 --format png,ply,splat-glb,splat-rig --names vrm --renderer gaussians ";
   EXPECT_EQ(run(film + "--run " + at("chain") + " --out " + at("none")).code, 1);
   step(film + "--run " + at("gaussians") + " --out " + at("splats"));
   EXPECT_GT(cv::norm(cv::imread(at("splats/turntable_000003.png")), from_run), 0.0);
-  for (const char* name : {"splats_000003.ply", "splats_000003.glb"})
+  for (const char* name : {"splats_000003.ply", "splats_000003.glb", "splats_rig.glb"})
     EXPECT_GT(std::filesystem::file_size(at(std::string("splats/") + name)), 10000u) << name;
+  const Outcome rig = run(play + "--model " + at("chain/actor.pt") + " --format splat-rig --out " + at("none"));
+  EXPECT_EQ(rig.code, 2);
+  EXPECT_THAT(rig.err, HasSubstr("give --run RUN"));
 
   // On top of it, a radiance field around the mesh.
   step("train " DOPPEL_SOURCE_DIR "/configs/tiny/hybrid.yaml --set capture=" + at("prepared") + " --set ddc=" +

@@ -5,10 +5,10 @@
 //   node check_glb.mjs FILE.glb ...        exit code 1: a file fails
 import { existsSync, readFileSync } from 'node:fs';
 import { dirname, join } from 'node:path';
-import validator from 'gltf-validator';
 import { launch, open, serve } from './browser.mjs';
 import { readNpy } from './npy.mjs';
 import { kWebGl } from './page_checks.mjs';
+import { validate } from './validate_glb.mjs';
 
 const kFrames = 5, kMeanLimit = 2, kWorstLimit = 8;  // millimetres
 const kCoverLimit = 0.99, kColourLimit = 4;  // IoU; mean difference of 0..255
@@ -79,14 +79,6 @@ window.difference = async (view, url) => {
 };
 window.ready = true;
 </script>`;
-
-async function validate(path) {
-  const report = await validator.validateBytes(new Uint8Array(readFileSync(path)), { uri: path });
-  const { numErrors, numWarnings, messages } = report.issues;
-  for (const message of messages.filter((m) => m.severity < 2)) console.error(`${path}: ${message.code}: ${message.message} ${message.pointer}`);
-  console.log(`${path}: ${numErrors} errors, ${numWarnings} warnings`);
-  return numErrors + numWarnings === 0;
-}
 
 async function compare(browser, path) {
   const truth = readNpy(join(dirname(path), 'vertices.npy')), [frames, vertices] = truth.shape;

@@ -7,7 +7,7 @@ import { readdirSync } from 'node:fs';
 import { join } from 'node:path';
 import { readNpy } from './npy.mjs';
 
-// Two libraries sum float32 products in different orders. Graphs and skinning: 1e-5; textures: 1e-3 of a colour. The pose
+// Two libraries sum float32 products in different orders. Graphs and skinning: 1e-5; textures and Gaussians: 1e-3. The pose
 // networks see images: each of some L = 20 layers of ResNet-18 sums up to K = 9 * 512 products. Independent rounding errors
 // grow with the root of their number, so four standard deviations are 4 u sqrt(L K) of the largest value, with u = 2^-24.
 const kTolerance = 1e-5, kTextureTolerance = 1e-3, kImageTolerance = 4 * 2 ** -24 * Math.sqrt(20 * 9 * 512);
@@ -60,18 +60,28 @@ async function inBrowser(path, feeds) {
   return outputs;
 }
 
+// q and -q are the same rotation: the signs of the expected quaternions for every row [14] of Gaussians.
+function alignQuaternions(found, expected) {
+  for (let row = 0; row < found.length; row += 14) {
+    let dot = 0;
+    for (let k = row + 3; k < row + 7; ++k) dot += found[k] * expected[k];
+    if (dot < 0) for (let k = row + 3; k < row + 7; ++k) found[k] = -found[k];
+  }
+}
+
 let good = true;
 for (const file of readdirSync(folder).filter((name) => name.endsWith('.onnx'))) {
   const path = join(folder, file), values = (name) => readNpy(path.replace(/onnx$/, `${name}.npy`));
   for (const { name, shape, values: found } of await (in_browser ? inBrowser : inNode)(path, values)) {
     const expected = values(name);
+    if (name === 'gaussians') alignQuaternions(found, expected.values);
     let worst = expected.shape.join() === shape.join() ? 0 : Infinity;
     for (let i = 0; i < found.length; ++i) {
       const off = Math.abs(found[i] - expected.values[i]);
       if (!(off <= worst)) worst = off;  // NaN is kept
     }
     const largest = expected.values.reduce((most, value) => Math.max(most, Math.abs(value)), 1);
-    const limit = file === 'pose.onnx' ? kImageTolerance * largest : name === 'texture' ? kTextureTolerance : kTolerance;
+    const limit = file === 'pose.onnx' ? kImageTolerance * largest : name === 'texture' || name === 'gaussians' ? kTextureTolerance : kTolerance;
     console.log(`${file}: ${name} [${shape}] differs by ${worst.toExponential(2)}, ${limit.toExponential(2)} is allowed`);
     good = good && worst <= limit;
   }

@@ -8,6 +8,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
+#include "doppel/render/splats/splat_rows.h"
 
 namespace doppel {
 
@@ -64,6 +65,9 @@ ActorFile ActorFile::load(const std::filesystem::path& path) {
     d.fingerprint = file.metadata.at("fingerprint");
     if (file.metadata.contains("texture"))
       d.texture_size = metadata_integer(file.metadata.at("texture").at("size"), path, "size", 1, kMaxScriptSide);
+    if (file.metadata.contains("gaussians"))
+      d.num_gaussians =
+          metadata_integer(file.metadata.at("gaussians").at("count"), path, "count", 1, kMaxScriptVertices);
   } catch (const nlohmann::json::exception& e) {
     fail_metadata(path, ScriptKind::actor, e);
   }
@@ -85,20 +89,24 @@ torch::Tensor ActorFile::forward(const torch::Tensor& window) const {
   return checked(file_.fastest().forward({window}), {window.size(0), description_.num_vertices, 3}, description_.name);
 }
 
-void ActorFile::check_view(const torch::Tensor& window, const torch::Tensor& projection) const {
+void ActorFile::check_view(const char* action, const torch::Tensor& window, const torch::Tensor& projection) const {
   check_window(window);
-  if (description_.texture_size == 0)
-    fail("texturing the actor {}: the file contains its geometry only; export a run whose TexNet is trained",
-         description_.name);
   if (projection.dim() != 3 || projection.size(0) != window.size(0) || projection.size(1) != 3 ||
       projection.size(2) != 4)
-    fail("texturing the actor {}: it takes a projection of shape [{}, 3, 4], found {}", description_.name,
+    fail("{} the actor {}: it takes a projection of shape [{}, 3, 4], found {}", action, description_.name,
          window.size(0), fmt::to_string(fmt::join(projection.sizes().vec(), " x ")));
+}
+
+void ActorFile::require_texture() const {
+  if (description_.texture_size == 0)
+    fail("texturing the actor {}: the file holds no dynamic texture; export a run whose TexNet is trained",
+         description_.name);
 }
 
 std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor& window,
                                                             const torch::Tensor& projection) const {
-  check_view(window, projection);
+  require_texture();
+  check_view("texturing", window, projection);
   torch::NoGradGuard no_grad;
   const torch::jit::IValue result = file_.fastest().get_method("textured")({window, projection});
   if (!result.isTuple() || result.toTupleRef().elements().size() != 2)
@@ -112,12 +120,24 @@ std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor&
 
 torch::Tensor ActorFile::texture(const torch::Tensor& window, const torch::Tensor& projection,
                                  const torch::Tensor& vertices) const {
-  check_view(window, projection);
+  require_texture();
+  check_view("texturing", window, projection);
   torch::NoGradGuard no_grad;
   const auto method = file_.fastest().find_method("texture");
   if (!method) return textured(window, projection).second;  // a file of an earlier version
   const std::int64_t size = description_.texture_size;
   return checked((*method)({window, projection, vertices}), {window.size(0), size, size, 3}, description_.name);
+}
+
+torch::Tensor ActorFile::gaussians(const torch::Tensor& window, const torch::Tensor& projection,
+                                   const torch::Tensor& vertices) const {
+  if (description_.num_gaussians == 0)
+    fail("the Gaussians of the actor {}: the file holds none; export a run whose stage gaussians is trained",
+         description_.name);
+  check_view("the Gaussians of", window, projection);
+  torch::NoGradGuard no_grad;
+  return checked(file_.fastest().get_method("gaussians")({window, projection, vertices}),
+                 {window.size(0), description_.num_gaussians, kSplatColumns}, description_.name);
 }
 
 }  // namespace doppel

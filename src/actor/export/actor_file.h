@@ -22,7 +22,8 @@ namespace doppel {
 /// `faces.npy` [F,3] int32, and, where the template has them, `uvs.npy` [U,2] float32 and `face_uvs.npy` [F,3] int32.
 ///
 /// The module's method `forward` is the geometry. With a texture, there are two more, `textured(window, projection) ->
-/// (vertices, texture)` and `texture(window, projection, vertices) -> texture` for vertices at hand.
+/// (vertices, texture)` and `texture(window, projection, vertices) -> texture` for vertices at hand. With Gaussians,
+/// there is `gaussians(window, projection, vertices) -> rows` (splat_rows.h).
 ///
 /// @param modules the modules that the functions use; their parameters and buffers are saved in the file under their
 /// names
@@ -53,10 +54,17 @@ class ActorFile {
   /// The texture alone. @param vertices [B,N,3] result of `forward` for this window
   torch::Tensor texture(const torch::Tensor& window, const torch::Tensor& projection,
                         const torch::Tensor& vertices) const;
+  /// The Gaussians as a camera sees them, for `splats_of_rows`. @param projection [B,3,4]
+  /// @param vertices [B,N,3] result of `forward` for this window @return [B,P,14], see splat_rows.h
+  /// @throws Error for another shape, or when the file has no Gaussians (description().num_gaussians)
+  torch::Tensor gaussians(const torch::Tensor& window, const torch::Tensor& projection,
+                          const torch::Tensor& vertices) const;
 
  private:
   void check_window(const torch::Tensor& window) const;
-  void check_view(const torch::Tensor& window, const torch::Tensor& projection) const;
+  void require_texture() const;
+  /// @param action begins the messages: "texturing"
+  void check_view(const char* action, const torch::Tensor& window, const torch::Tensor& projection) const;
   mutable ScriptFile file_;
   ActorDescription description_;
   ActorTopology topology_;

@@ -22,6 +22,13 @@ nlohmann::ordered_json actor_metadata(const Character& character, const ActorDes
         {"size", d.texture_size},
         {"method", "textured(window, projection [batch, 3, 4], pixels from world metres) -> (vertices, texture)"},
         {"output", "RGB [batch, size, size, 3], 0..1, row 0 at v = 1"}};
+  if (d.num_gaussians > 0)
+    json["gaussians"] = {
+        {"count", d.num_gaussians},
+        {"method", "gaussians(window, projection [batch, 3, 4], vertices [batch, vertices, 3]) -> rows"},
+        {"output",
+         "[batch, count, 14]: centre x y z in metres, unit quaternion w x y z, standard deviations along the rotated "
+         "axes in metres, opacity 0..1, RGB 0..1 as displayed"}};
   return json;
 }
 

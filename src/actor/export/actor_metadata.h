@@ -18,6 +18,7 @@ struct ActorDescription {
   double frames_per_second = 25.0;  ///< of the training motion: the motion window contains velocities
   std::string fingerprint;          ///< of the character (Character::fingerprint)
   int texture_size = 0;             ///< T: texels along a side of the dynamic texture; 0: no dynamic texture
+  int num_gaussians = 0;            ///< P; 0: no Gaussians
 };
 
 /// The content of `metadata.json`: names, window, DoF and joint names, units, frame rate, fingerprint.

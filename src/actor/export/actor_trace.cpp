@@ -5,34 +5,35 @@ namespace {
 
 using torch::jit::Stack;
 
-constexpr double kActorTraceTolerance = 1e-5;  // metres: the accuracy that a host can rely on
-// For colours 0..1, a quarter of an 8-bit step: if a vertex of a small face is off by kActorTraceTolerance, its normal
-// changes the colour by this much.
-constexpr double kColourTolerance = 1e-3;
-
 void add_geometry(ScriptFileWriter& file, const ActorDescription& description, const ActorFunction& geometry) {
   const auto function = [&](const Stack& inputs) -> Stack { return {geometry(inputs.at(0).toTensor())}; };
   file.add("forward", {random_windows(description, 1, 1)}, function);
-  file.check("forward", {random_windows(description, 3, 2)}, function, {kActorTraceTolerance});
+  file.check("forward", {random_windows(description, 3, 2)}, function, {kTraceTolerance});
 }
 
-void add_texture(ScriptFileWriter& file, const ActorDescription& description, const ActorFunctions& functions) {
+void add_textured(ScriptFileWriter& file, const ActorDescription& description, const ActorFunctions& functions) {
   const auto function = [&](const Stack& inputs) -> Stack {
     const torch::Tensor window = inputs.at(0).toTensor(), vertices = functions.geometry(window);
     return {vertices, functions.texture(window, inputs.at(1).toTensor(), vertices)};
   };
   file.add("textured", {random_windows(description, 1, 3), random_projections(1, 3)}, function);
   file.check("textured", {random_windows(description, 2, 4), random_projections(2, 4)}, function,
-             {kActorTraceTolerance, kColourTolerance});
-  const auto texture = [&](const Stack& inputs) -> Stack {
-    return {functions.texture(inputs.at(0).toTensor(), inputs.at(1).toTensor(), inputs.at(2).toTensor())};
+             {kTraceTolerance, kTraceColourTolerance});
+}
+
+/// Adds the look as the method `name`, for vertices at hand. @param compared as ScriptFileWriter::check
+void add_look(ScriptFileWriter& file, const char* name, const ActorDescription& description,
+              const ActorFunction& geometry, const LookFunction& look,
+              const ScriptFileWriter::Compared& compared = nullptr) {
+  const auto function = [&](const Stack& inputs) -> Stack {
+    return {look(inputs.at(0).toTensor(), inputs.at(1).toTensor(), inputs.at(2).toTensor())};
   };
-  const auto surface_inputs = [&](int batch, std::uint64_t seed) -> Stack {
+  const auto inputs = [&](int batch, std::uint64_t seed) -> Stack {
     const torch::Tensor window = random_windows(description, batch, seed);
-    return {window, random_projections(batch, seed), functions.geometry(window)};
+    return {window, random_projections(batch, seed), geometry(window)};
   };
-  file.add("texture", surface_inputs(1, 3), texture);
-  file.check("texture", surface_inputs(2, 4), texture, {kColourTolerance});
+  file.add(name, inputs(1, 3), function);
+  file.check(name, inputs(2, 4), function, {kTraceColourTolerance}, compared);
 }
 
 }  // namespace
@@ -49,11 +50,22 @@ torch::Tensor random_projections(int batch, std::uint64_t seed) {
   return projection;
 }
 
+torch::Tensor comparable_gaussians(const torch::Tensor& rows) {
+  std::vector<torch::Tensor> parts{10 * rows.narrow(2, 0, 3), 10 * rows.narrow(2, 7, 3), rows.narrow(2, 10, 4)};
+  for (int i = 3; i < 7; ++i) parts.push_back(rows.narrow(2, i, 7 - i) * rows.narrow(2, i, 1));
+  return torch::cat(parts, 2);
+}
+
 ScriptFileWriter traced_actor(const ActorDescription& description, const ActorFunctions& functions,
                               const ScriptModules& modules) {
   ScriptFileWriter file(ScriptKind::actor, modules);
   add_geometry(file, description, functions.geometry);
-  if (functions.texture) add_texture(file, description, functions);
+  if (functions.texture) {
+    add_textured(file, description, functions);
+    add_look(file, "texture", description, functions.geometry, functions.texture);
+  }
+  if (functions.gaussians)
+    add_look(file, "gaussians", description, functions.geometry, functions.gaussians, comparable_gaussians);
   return file;
 }
 

@@ -38,9 +38,7 @@ class FigureWriter : public SequenceWriter {
     const FigureError error = figure_error(figure_, clip_, morphs, tracks);
     report_.nodes = static_cast<int>(figure_.nodes.size());
     report_.morphs = morphs.count();
-    report_.keys = tracks.weight_keys.size();
-    for (const auto* lists : {&tracks.rotation_keys, &tracks.translation_keys})
-      for (const std::vector<int>& keys : *lists) report_.keys += keys.size();
+    report_.keys = tracks.num_keys();
     report_.mean_error_mm = error.mean;
     report_.worst_error_mm = error.worst;
     report_.largest_dropped_weight = figure_.largest_dropped_weight;

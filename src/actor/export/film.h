@@ -44,7 +44,7 @@ struct FilmOptions {
   std::function<cv::Mat(int)> beside;
   /// The dynamic texture of the actor; empty: the static one. The dynamic texture is unlit, because it contains the
   /// light of the capture.
-  TextureFunction texture;
+  LookFunction texture;
   /// If set, what it draws over black is shown in place of the textured mesh: a radiance field, or Gaussians.
   FieldFunction field;
   std::string field_name;      ///< of `field` in the profile

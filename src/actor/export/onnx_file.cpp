@@ -18,13 +18,25 @@ std::map<std::string, std::string> key_values(const TriangleMesh& mesh, const nl
 }
 
 /// One sample for each batch size that onnx_model asks for.
-std::vector<Stack> actor_samples(const ActorDescription& description, bool textured) {
+std::vector<Stack> actor_samples(const ActorDescription& description, bool seen) {
   std::vector<Stack> samples;
   for (const int batch : {1, 2}) {
     samples.push_back({random_windows(description, batch, 5)});
-    if (textured) samples.back().emplace_back(random_projections(batch, 6));
+    if (seen) samples.back().emplace_back(random_projections(batch, 6));
   }
   return samples;
+}
+
+/// The method `complete`: (window, projection) -> vertices, and the looks that there are.
+void add_complete(ScriptFileWriter& file, const ActorDescription& description, const ActorFunctions& functions) {
+  file.add("complete", actor_samples(description, true).front(), [&](const Stack& inputs) {
+    const torch::Tensor window = inputs.at(0).toTensor(), projection = inputs.at(1).toTensor();
+    const torch::Tensor vertices = functions.geometry(window);
+    Stack results{vertices};
+    for (const LookFunction* look : {&functions.texture, &functions.gaussians})
+      if (*look) results.emplace_back((*look)(window, projection, vertices));
+    return results;
+  });
 }
 
 }  // namespace
@@ -33,13 +45,18 @@ void write_actor_onnx(const std::filesystem::path& path, const Character& charac
                       const ActorDescription& description, const ActorFunctions& functions,
                       const ScriptModules& modules) {
   const ReferenceScope plain_operations;
-  const bool textured = functions.texture != nullptr;
-  const ScriptFileWriter traced = traced_actor(description, functions, modules);
-  const OnnxSignature signature = textured ? OnnxSignature{{"window", "projection"}, {"vertices", "texture"}}
-                                           : OnnxSignature{{"window"}, {"vertices"}};
-  write_atomically(path, onnx_model(traced.module(), textured ? "textured" : "forward", signature,
-                                    actor_samples(description, textured),
-                                    key_values(character.mesh, actor_metadata(character, description))));
+  const bool seen = functions.texture || functions.gaussians;  // by a camera
+  ScriptFileWriter traced = traced_actor(description, functions, modules);
+  OnnxSignature signature{{"window"}, {"vertices"}};
+  if (seen) {
+    add_complete(traced, description, functions);
+    signature.inputs.emplace_back("projection");
+  }
+  if (functions.texture) signature.outputs.emplace_back("texture");
+  if (functions.gaussians) signature.outputs.emplace_back("gaussians");
+  write_atomically(
+      path, onnx_model(traced.module(), seen ? "complete" : "forward", signature, actor_samples(description, seen),
+                       key_values(character.mesh, actor_metadata(character, description))));
 }
 
 void write_pose_onnx(const std::filesystem::path& path, TrainedPose& trained) {

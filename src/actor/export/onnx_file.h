@@ -12,8 +12,9 @@ namespace doppel {
 // TorchScript file) and, in base64, the template's `faces.npy` [F,3] int32, `uvs.npy` [U,2] float32 and `face_uvs.npy`
 // [F,3] int32.
 
-/// Writes an actor: `window` [B,F+1,D] -> `vertices` [B,N,3] in world metres. With a texture there is a second input
-/// `projection` [B,3,4] and a second output `texture` [B,T,T,3], as in actor_file.h.
+/// Writes an actor: `window` [B,F+1,D] -> `vertices` [B,N,3] in world metres. With a texture or Gaussians there is a
+/// second input `projection` [B,3,4], and there are the outputs `texture` [B,T,T,3] and `gaussians` [B,P,14], as in
+/// actor_file.h.
 /// @throws Error as traced_actor and onnx_model (actor/onnx/onnx_model.h)
 void write_actor_onnx(const std::filesystem::path& path, const Character& character,
                       const ActorDescription& description, const ActorFunctions& functions,

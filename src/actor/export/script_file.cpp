@@ -107,6 +107,7 @@ torch::jit::script::Module module_of(ScriptKind kind, const ScriptModules& modul
 
 void add_trace(torch::jit::script::Module& module, const std::string& name, const Stack& inputs,
                const ScriptFileWriter::Function& function) {
+  if (module.hasattr(name)) fail("exporting: a method and a module are both named {}; readers would mix them up", name);
   const torch::NoGradGuard no_grad;
   const auto [state, outputs] = torch::jit::tracer::trace(
       inputs, [&](const Stack& given) { return packed(function(given)); },
@@ -117,12 +118,15 @@ void add_trace(torch::jit::script::Module& module, const std::string& name, cons
 }
 
 void check_method(torch::jit::script::Module& module, const std::string& name, const Stack& unseen,
-                  const Stack& expected, const std::vector<double>& tolerances) {
+                  const Stack& expected, const std::vector<double>& tolerances,
+                  const ScriptFileWriter::Compared& compared) {
   const torch::NoGradGuard no_grad;
   const torch::jit::IValue found = module.get_method(name)(unseen);
   for (std::size_t i = 0; i < expected.size(); ++i) {
     const torch::Tensor result = expected.size() == 1 ? found.toTensor() : found.toTuple()->elements()[i].toTensor();
-    const double found_difference = difference(result, expected[i].toTensor());
+    const torch::Tensor wanted = expected[i].toTensor();
+    const double found_difference =
+        compared ? difference(compared(result), compared(wanted)) : difference(result, wanted);
     if (!(found_difference <= tolerances.at(i)))
       fail(
           "exporting: result {} of the traced `{}` differs from the model's by {:.2g} on other input; {:.2g} "
@@ -166,11 +170,11 @@ void ScriptFileWriter::add(const std::string& name, const Stack& inputs, const F
 }
 
 void ScriptFileWriter::check(const std::string& name, const Stack& unseen, const Function& function,
-                             const std::vector<double>& tolerances) {
+                             const std::vector<double>& tolerances, const Compared& compared) {
   const torch::NoGradGuard no_grad;
   const Stack expected = function(unseen);
-  check_method(module_, name, unseen, expected, tolerances);
-  if (fused_) check_method(*fused_, name, unseen, expected, tolerances);
+  check_method(module_, name, unseen, expected, tolerances, compared);
+  if (fused_) check_method(*fused_, name, unseen, expected, tolerances, compared);
 }
 
 void ScriptFileWriter::save(const std::filesystem::path& path, const Character& character,

@@ -32,6 +32,7 @@ using ScriptModules = std::vector<std::pair<std::string, torch::nn::Module*>>;
 class ScriptFileWriter {
  public:
   using Function = std::function<torch::jit::Stack(const torch::jit::Stack&)>;
+  using Compared = std::function<torch::Tensor(const torch::Tensor&)>;
 
   /// @param modules the modules that the functions use; their parameters and buffers are saved in the file
   ScriptFileWriter(ScriptKind kind, const ScriptModules& modules);
@@ -42,9 +43,10 @@ class ScriptFileWriter {
   /// Compares a method with the function it was traced from on other inputs. Another batch size detects sizes that the
   /// trace has fixed.
   /// @param tolerances largest allowed difference of each result
+  /// @param compared what is compared of every result; nothing: the result itself
   /// @throws Error naming the method and the index of a result that differs more
   void check(const std::string& name, const torch::jit::Stack& unseen, const Function& function,
-             const std::vector<double>& tolerances);
+             const std::vector<double>& tolerances, const Compared& compared = nullptr);
 
   /// What was added, in evaluation mode.
   const torch::jit::script::Module& module() const { return module_; }

@@ -11,7 +11,7 @@ namespace {
 
 class TextureWriter : public SequenceWriter {
  public:
-  TextureWriter(const std::filesystem::path& folder, TextureFunction texture, std::unique_ptr<CameraPath> path)
+  TextureWriter(const std::filesystem::path& folder, LookFunction texture, std::unique_ptr<CameraPath> path)
       : folder_(folder), texture_(std::move(texture)), path_(std::move(path)) {}
 
   void write(const PosedFrame& frame) override {
@@ -24,14 +24,14 @@ class TextureWriter : public SequenceWriter {
 
  private:
   std::filesystem::path folder_;
-  TextureFunction texture_;
+  LookFunction texture_;
   std::unique_ptr<CameraPath> path_;
   int frame_ = 0;
 };
 
 }  // namespace
 
-std::unique_ptr<SequenceWriter> make_texture_writer(const std::filesystem::path& folder, TextureFunction texture,
+std::unique_ptr<SequenceWriter> make_texture_writer(const std::filesystem::path& folder, LookFunction texture,
                                                     std::unique_ptr<CameraPath> path) {
   return std::make_unique<TextureWriter>(folder, std::move(texture), std::move(path));
 }

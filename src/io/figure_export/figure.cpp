@@ -103,40 +103,49 @@ void rename_nodes(Figure& figure, BoneNames names) {
     if (const auto found = renamed.find(node.name); found != renamed.end()) node.name = prefix + found->second;
 }
 
-/// The weights of a vertex by node, largest first.
-std::vector<std::pair<double, int>> weights_of(const Character& character, const std::map<int, int>& node_of_joint,
-                                               int vertex) {
-  std::map<int, double> sums;
+std::map<int, int> nodes_of_joints(const Figure& figure) {
+  std::map<int, int> node_of_joint;
+  for (std::size_t i = 0; i < figure.nodes.size(); ++i) node_of_joint[figure.nodes[i].joint] = static_cast<int>(i);
+  return node_of_joint;
+}
+
+/// Adds the weights of a vertex, times a factor, to sums by node.
+void add_weights_of(const Character& character, const std::map<int, int>& node_of_joint, int vertex, double factor,
+                    std::map<int, double>& sums) {
   const auto& rows = character.skin.vertex_bones;
   for (int i = rows.offsets[vertex]; i < rows.offsets[as_size(vertex) + 1]; ++i)
-    sums[node_of_joint.at(character.bone_joint[rows.items[i]])] += character.skin.weights[i];
+    sums[node_of_joint.at(character.bone_joint[rows.items[i]])] += factor * character.skin.weights[i];
+}
+
+/// Appends a vertex with the four largest of its weights.
+void append_weights(const std::map<int, double>& sums, Figure& figure) {
   std::vector<std::pair<double, int>> sorted;
   for (const auto& [node, weight] : sums)
     if (weight > 0.0) sorted.emplace_back(weight, node);
   std::sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
-  return sorted;
+  double kept = 0.0, dropped = 0.0;
+  for (std::size_t i = 0; i < sorted.size(); ++i) (i < 4 ? kept : dropped) += sorted[i].first;
+  figure.largest_dropped_weight = std::max(figure.largest_dropped_weight, dropped);
+  sorted.resize(std::min<std::size_t>(sorted.size(), 4));
+  std::array<int, 4>& node = figure.node.emplace_back();
+  std::array<float, 4>& share = figure.weight.emplace_back();
+  // The largest weight takes the rounding, so that the sum is 1 in single precision.
+  float rest = 1.0F;
+  for (std::size_t i = sorted.size(); i-- > 0;) {
+    const float weight = i == 0 ? rest : static_cast<float>(sorted[i].first / kept);
+    if (!(weight > 0.0F)) continue;
+    node[i] = sorted[i].second;
+    share[i] = weight;
+    rest -= weight;
+  }
 }
 
 void add_weights(const Character& character, Figure& figure) {
-  std::map<int, int> node_of_joint;
-  for (std::size_t i = 0; i < figure.nodes.size(); ++i) node_of_joint[figure.nodes[i].joint] = static_cast<int>(i);
-  figure.node.assign(character.num_vertices(), {});
-  figure.weight.assign(character.num_vertices(), {});
+  const std::map<int, int> node_of_joint = nodes_of_joints(figure);
   for (int v = 0; v < character.num_vertices(); ++v) {
-    auto sorted = weights_of(character, node_of_joint, v);
-    double kept = 0.0, dropped = 0.0;
-    for (std::size_t i = 0; i < sorted.size(); ++i) (i < 4 ? kept : dropped) += sorted[i].first;
-    figure.largest_dropped_weight = std::max(figure.largest_dropped_weight, dropped);
-    sorted.resize(std::min<std::size_t>(sorted.size(), 4));
-    // The largest weight takes the rounding, so that the sum is 1 in single precision.
-    float rest = 1.0F;
-    for (std::size_t i = sorted.size(); i-- > 0;) {
-      const float weight = i == 0 ? rest : static_cast<float>(sorted[i].first / kept);
-      if (!(weight > 0.0F)) continue;
-      figure.node[v][i] = sorted[i].second;
-      figure.weight[v][i] = weight;
-      rest -= weight;
-    }
+    std::map<int, double> sums;
+    add_weights_of(character, node_of_joint, v, 1.0, sums);
+    append_weights(sums, figure);
   }
 }
 
@@ -149,6 +158,22 @@ Figure make_figure(const Character& character, BoneNames names) {
   add_weights(character, figure);
   figure.rest = pose_nodes(figure, character.skeleton, character.rest_dofs);
   figure.rest_vertices = character.mesh.vertices;
+  return figure;
+}
+
+Figure figure_of_points(Figure figure, const Character& character, const std::vector<FigurePoint>& points) {
+  figure.node.clear();
+  figure.weight.clear();
+  figure.rest_vertices.clear();
+  figure.largest_dropped_weight = 0.0;
+  const std::map<int, int> node_of_joint = nodes_of_joints(figure);
+  for (const FigurePoint& point : points) {
+    std::map<int, double> sums;
+    for (std::size_t k = 0; k < 3; ++k)
+      add_weights_of(character, node_of_joint, point.corners[k], point.barycentrics[k], sums);
+    append_weights(sums, figure);
+    figure.rest_vertices.push_back(point.rest);
+  }
   return figure;
 }
 

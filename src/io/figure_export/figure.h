@@ -36,6 +36,17 @@ struct Figure {
 /// @throws UsageError when `names` is not skeletool, and too few names are recognised
 Figure make_figure(const Character& character, BoneNames names);
 
+/// A point that moves with the surface.
+struct FigurePoint {
+  Eigen::Vector3d rest;                  ///< in the rest pose, metres; on the surface or near it
+  std::array<int, 3> corners{};          ///< vertices of its face
+  std::array<double, 3> barycentrics{};  ///< of sum 1
+};
+/// A figure with points [N] in the place of its vertices. A point has the skinning weights of the corners of its face,
+/// mixed by the barycentrics, of which the four largest stay.
+/// @param figure of this character
+Figure figure_of_points(Figure figure, const Character& character, const std::vector<FigurePoint>& points);
+
 /// [B] transforms of the nodes in a pose, node to world. @param dofs [D]
 std::vector<Eigen::Affine3d> pose_nodes(const Figure& figure, const Skeleton& skeleton,
                                         const std::vector<double>& dofs);

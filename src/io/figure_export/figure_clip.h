@@ -15,6 +15,12 @@ struct FigureClip {
   int num_frames() const { return static_cast<int>(dofs.size()); }
 };
 
+/// The rest vertices with which the linear blend comes nearest to the clip: for each vertex the b with the least
+/// sum_t |M_t b - v_t|^2, where M_t is its blended matrix in frame t. A small damping pulls b to the figure's own rest
+/// vertex. Without frames, these are the result. @return [N] metres
+std::vector<Eigen::Vector3d> fitted_rest_vertices(const Figure& figure, const Skeleton& skeleton,
+                                                  const FigureClip& clip);
+
 /// Displacements of the rest vertices. The surface of a frame is the linear blend of rest vertices + sum_k weights(t,
 /// k) targets[k]. The targets hold the motion of the clothes, and what dual quaternions do better than a linear blend.
 struct MorphTargets {
@@ -39,6 +45,8 @@ struct FigureTracks {
   std::vector<std::vector<int>> rotation_keys;            ///< [B] frames that a file needs
   std::vector<std::vector<int>> translation_keys;         ///< [B]
   std::vector<int> weight_keys;
+
+  std::size_t num_keys() const;  ///< of all nodes and of the weights
 };
 
 /// The tracks with as few keys as keep linear interpolation (spherical for rotations) within `tolerance`. The values

@@ -62,6 +62,13 @@ std::vector<Eigen::Affine3d> nodes_at(const Figure& figure, const FigureTracks& 
 
 }  // namespace
 
+std::size_t FigureTracks::num_keys() const {
+  std::size_t sum = weight_keys.size();
+  for (const auto* lists : {&rotation_keys, &translation_keys})
+    for (const std::vector<int>& keys : *lists) sum += keys.size();
+  return sum;
+}
+
 FigureTracks thin_tracks(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip,
                          const MorphTargets& morphs, double tolerance) {
   FigureTracks tracks;

@@ -1,8 +1,11 @@
 #include "doppel/io/figure_export/glb_buffer.h"
 
 #include <algorithm>
+#include <sstream>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
 
 namespace doppel {
 
@@ -61,5 +64,24 @@ int GlbBuffer::joints(std::span<const std::uint16_t> values) {
 }
 
 int GlbBuffer::image(std::span<const unsigned char> bytes) { return view(bytes.data(), bytes.size(), 0); }
+
+tinygltf::Model empty_glb_model() {
+  tinygltf::Model model;
+  model.asset.version = "2.0";
+  model.asset.generator = "Doppel";
+  return model;
+}
+
+void write_glb_model(const std::filesystem::path& path, const tinygltf::Model& model) {
+  tinygltf::TinyGLTF writer;
+  std::ostringstream stream;
+  if (!writer.WriteGltfSceneToStream(&model, stream, /*prettyPrint=*/false, /*writeBinary=*/true))
+    fail("writing {}: tinygltf refuses the model", path.string());
+  const std::string bytes = stream.str();
+  if (bytes.size() > 0xFFFFFFFFULL)
+    fail("writing {}: the model needs {:.1f} GB, and a .glb file holds 4 GB; export fewer frames", path.string(),
+         static_cast<double>(bytes.size()) / 1e9);
+  write_atomically(path, bytes);
+}
 
 }  // namespace doppel

@@ -2,6 +2,7 @@
 
 #include <tiny_gltf.h>
 
+#include <filesystem>
 #include <span>
 #include <vector>
 
@@ -26,5 +27,12 @@ class GlbBuffer {
 
   tinygltf::Model& model_;
 };
+
+/// A glTF 2.0 model with nothing in it.
+tinygltf::Model empty_glb_model();
+
+/// Writes a model as a binary glTF file, atomically.
+/// @throws Error naming the file when it cannot be written, or would be larger than 4 GB
+void write_glb_model(const std::filesystem::path& path, const tinygltf::Model& model);
 
 }  // namespace doppel

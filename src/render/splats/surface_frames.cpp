@@ -24,7 +24,7 @@ Tensor quaternions(const Tensor& x, const Tensor& y, const Tensor& z) {
       {torch::stack({four.select(-1, 0), a, b, c}, -1), torch::stack({a, four.select(-1, 1), ab, ac}, -1),
        torch::stack({b, ab, four.select(-1, 2), bc}, -1), torch::stack({c, ac, bc, four.select(-1, 3)}, -1)},
       -2);  // [...,4,4], each row is the quaternion times a divisor
-  const Tensor best = four.argmax(-1, true).unsqueeze(-1).expand(all.sizes()).narrow(-2, 0, 1);
+  const Tensor best = four.argmax(-1, true).unsqueeze(-1).expand_as(all.narrow(-2, 0, 1));
   return unit(all.gather(-2, best).squeeze(-2));
 }
 

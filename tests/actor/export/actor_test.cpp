@@ -15,6 +15,8 @@
 #include "doppel/core/npy.h"
 #include "doppel/layers/surface.h"
 #include "doppel/nets/egnet.h"
+#include "doppel/render/splats/splat_rows.h"
+#include "doppel/render/splats/splats.h"
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
@@ -145,6 +147,19 @@ TEST(ActorFileAgrees, WithThePythonAndTheCppHost) {
   EXPECT_LT(largest_difference(ours, read_npy(folder / "python.npy").as<float>()), 1e-5);
 }
 
+/// An actor file with all functions of a dressed actor.
+void write_dressed(TrainedActor& actor, const std::filesystem::path& path) {
+  write_actor(
+      path, actor.character, support::description_of(actor),
+      {[&](const torch::Tensor& window) { return actor.fine(window); },
+       [&](const auto& window, const auto& p, const auto& v) { return actor.texture(window, p, v); },
+       [&](const auto& window, const auto& p, const auto& v) { return splat_rows(actor.splats(window, p, v), p); }},
+      {{"egnet", actor.egnet.get()},
+       {"deltanet", actor.deltanet.get()},
+       {"texnet", actor.texnet.get()},
+       {"surface_gaussians", actor.gaussians.get()}});
+}
+
 /// Runs a host of the C API on an actor and a motion. @return the vertices that it wrote
 std::vector<float> played_by(const std::string& host, const TemporaryFolder& folder) {
   const std::string command = host + " '" + (folder / "actor.pt").string() + "' '" + (folder / "m.motion").string() +
@@ -200,12 +215,8 @@ TEST(TextureInputReference, SeesTheFinishedSurfaceOnDemandInTheLastFrameAlone) {
 TEST(ActorFileAgrees, GeometryAndTextureOfAWholeActorInAllHosts) {
   const TemporaryFolder folder;
   TrainedActor actor = support::dressed_actor();
-  const ActorDescription description = support::description_of(actor);
   const auto path = folder / "actor.pt";
-  write_actor(path, actor.character, description,
-              {[&](const torch::Tensor& window) { return actor.fine(window); },
-               [&](const auto& window, const auto& p, const auto& v) { return actor.texture(window, p, v); }},
-              {{"egnet", actor.egnet.get()}, {"deltanet", actor.deltanet.get()}, {"texnet", actor.texnet.get()}});
+  write_dressed(actor, path);
 
   const ActorFile file = ActorFile::load(path);
   EXPECT_EQ(file.description().texture_size, 512);
@@ -245,13 +256,59 @@ TEST(ActorFileAgrees, GeometryAndTextureOfAWholeActorInAllHosts) {
   EXPECT_LT(cv::countNonZero(difference.reshape(1) > 2) / 3, drawn / 50);
 }
 
-TEST(ActorFileRejects, ATextureWhereThereIsNone) {
+/// The camera of examples/c/play_actor.c. @param vertices [1,N,3] @return [1,3,4]
+torch::Tensor facing_camera(const torch::Tensor& vertices, float side) {
+  const torch::Tensor low = vertices[0].amin(0), high = vertices[0].amax(0), middle = (low + high) / 2;
+  const float x = middle[0].item<float>(), y = middle[1].item<float>(),
+              z = middle[2].item<float>() + 3 * (high[1] - low[1]).item<float>(), focal = 2.5f * side;
+  return torch::tensor({focal, 0.f, -side / 2, side / 2 * z - focal * x, 0.f, -focal, -side / 2,
+                        side / 2 * z + focal * y, 0.f, 0.f, -1.f, z})
+      .view({1, 3, 4});
+}
+
+TEST(ActorFileAgrees, GaussiansOfAWholeActorAndTheirDrawingByTheCApi) {
+  const TemporaryFolder folder;
+  TrainedActor actor = support::dressed_actor();
+  write_dressed(actor, folder / "actor.pt");
+  const ActorFile file = ActorFile::load(folder / "actor.pt");
+  const Motion motion = test_motion(actor.character.num_dofs(), 3);
+  const torch::Tensor window = motion_window(motion, 2, actor.past_frames()).unsqueeze(0).repeat({2, 1, 1});
+  const torch::Tensor vertices = file.forward(window);
+  const torch::Tensor camera = facing_camera(vertices, 512), cameras = camera.repeat({2, 1, 1});
+  const torch::Tensor rows = file.gaussians(window, cameras, vertices),
+                      expected = splat_rows(actor.splats(window, cameras, actor.fine(window)), cameras);
+  ASSERT_EQ(rows.size(1), file.description().num_gaussians);
+  EXPECT_LT((comparable_gaussians(rows) - comparable_gaussians(expected)).abs().max().item<float>(), 1e-3f);
+  EXPECT_THROW(file.gaussians(window, camera, vertices), Error);
+
+  write_motion(folder / "m.motion", motion, true);
+  const std::string command = std::string(PLAY_ACTOR_C) + " '" + (folder / "actor.pt").string() + "' '" +
+                              (folder / "m.motion").string() + "' '" + (folder / "out.f32").string() + "' '" +
+                              (folder / "last.pam").string() + "' >/dev/null";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  const std::string pam = read_file(folder / "last.pam"), end = "ENDHDR\n";
+  const std::size_t header = pam.find(end) + end.size();
+  ASSERT_EQ(pam.size() - header, 512U * 512U * 4U);
+  const torch::Tensor found =
+      torch::tensor(std::vector<std::uint8_t>(pam.begin() + static_cast<std::ptrdiff_t>(header), pam.end()))
+          .view({512, 512, 4})
+          .to(torch::kFloat32);
+  const SplatImage image = draw_splats(splats_of_rows(rows.narrow(0, 0, 1)), camera.unsqueeze(1), 512, 512);
+  const torch::Tensor colour = image.colour[0][0] / image.alpha[0][0].clamp_min(1e-6).unsqueeze(2);
+  const torch::Tensor rgba = torch::cat({colour.clamp_max(1.0), image.alpha[0][0].unsqueeze(2)}, 2) * 255;
+  EXPECT_GT((found.select(2, 3) > 128).sum().item<int>(), 2000);
+  // One of 255 beside the rounding: the file holds the motion with fewer digits than the test.
+  EXPECT_LE(((found - rgba).abs() * (found.narrow(2, 3, 1) > 25)).max().item<float>(), 2.0f);
+}
+
+TEST(ActorFileRejects, ATextureAndGaussiansWhereThereAreNone) {
   const TemporaryFolder folder;
   Actor actor;
   actor.write(folder / "actor.pt");
-  EXPECT_THROW(ActorFile::load(folder / "actor.pt")
-                   .textured(torch::zeros({1, 3, actor.character.num_dofs()}), torch::zeros({1, 3, 4})),
-               Error);
+  const ActorFile file = ActorFile::load(folder / "actor.pt");
+  const torch::Tensor window = torch::zeros({1, 3, actor.character.num_dofs()}), camera = torch::zeros({1, 3, 4});
+  EXPECT_THROW(file.textured(window, camera), Error);
+  EXPECT_THROW(file.gaussians(window, camera, file.forward(window)), Error);
 }
 
 TEST(ActorFileRejects, WhatIsNotAnActor) {

@@ -6,7 +6,8 @@
 
 namespace doppel::support {
 
-/// An actor with all networks, untrained, TexNet at its smallest, under light and with details.
+/// An actor with EGNet, DeltaNet, TexNet and Gaussians, untrained, as small as they can be, under light and with
+/// details.
 inline TrainedActor dressed_actor() {
   TrainedActor actor;
   actor.character = make_test_character();
@@ -24,6 +25,12 @@ inline TrainedActor dressed_actor() {
   actor.lighting = Lighting(1, std::vector<int>{0});
   actor.texnet = make_tex_net(actor, config, at::detail::createCPUGenerator(3));
   actor.texture_space = std::make_shared<TextureSpace>(*actor.mesh, config.size);
+  GaussiansConfig gaussians;
+  gaussians.size = 64;
+  gaussians.lit = true;
+  gaussians.unet.width = 0.1;
+  actor.splat_space = std::make_shared<TextureSpace>(*actor.mesh, gaussians.size);
+  actor.gaussians = make_gaussians(actor, *actor.splat_space, gaussians, at::detail::createCPUGenerator(6));
   torch::NoGradGuard no_grad;
   auto generator = at::detail::createCPUGenerator(7);
   for (torch::nn::Module* module : std::initializer_list<torch::nn::Module*>{actor.egnet.get(), actor.deltanet.get()}) {
@@ -31,6 +38,10 @@ inline TrainedActor dressed_actor() {
     module->eval();
   }
   actor.texnet->eval();
+  // Not the UNet: with weights of this size, Gaussians would be as large as the room.
+  for (torch::Tensor& p : actor.gaussians->parameters(/*recurse=*/false))
+    p.copy_(0.03 * torch::randn(p.sizes(), generator));
+  actor.gaussians->eval();
   return actor;
 }
 
@@ -40,7 +51,8 @@ inline ActorDescription description_of(const TrainedActor& actor) {
   description.past_frames = actor.past_frames();
   for (const Dof& dof : actor.character.skeleton.dofs) description.dof_names.push_back(dof.name);
   description.num_vertices = actor.character.num_vertices();
-  description.texture_size = actor.texnet->config().texture_size();
+  description.texture_size = static_cast<int>(actor.texnet->config().texture_size());
+  description.num_gaussians = static_cast<int>(actor.gaussians->points().texel.size(0));
   return description;
 }
 

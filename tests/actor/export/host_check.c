@@ -74,7 +74,10 @@ int main(int argc, char** argv) {
   memcpy(first, doppel_actor_vertices(actor), size);
   check_normals(actor);
   const float projection[12] = {0};
-  assert(!doppel_actor_texture(actor, projection) && strstr(doppel_last_error(), "geometry only"));
+  assert(!doppel_actor_texture(actor, projection) && strstr(doppel_last_error(), "no dynamic texture"));
+  assert(doppel_actor_num_gaussians(actor) == 0);
+  assert(!doppel_actor_draw(actor, projection, 8, 8) && strstr(doppel_last_error(), "holds none"));
+  assert(!doppel_actor_gaussians(actor, projection) && strstr(doppel_last_error(), "holds none"));
 
   /* A pose that is not finite is refused and changes nothing. */
   pose[1] = NAN;

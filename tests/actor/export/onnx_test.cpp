@@ -7,6 +7,7 @@
 #include "doppel/actor/export/onnx_file.h"
 #include "doppel/actor/export/pose_trace.h"
 #include "doppel/core/npy.h"
+#include "doppel/render/splats/splat_rows.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::onnx_test {
@@ -28,31 +29,39 @@ int check(const TemporaryFolder& folder, const std::string& options = "") {
       std::system(("node " WEB_TESTS "/check_onnx.mjs " + options + " '" + (folder / "").string() + "'").c_str()));
 }
 
-/// An actor as two models, with values on windows and batch sizes that the export has not seen.
+/// An actor as three models, with values on windows and batch sizes that the export has not seen.
 void write_dressed(const TemporaryFolder& folder) {
   const torch::NoGradGuard no_grad;
   TrainedActor actor = support::dressed_actor();
   ActorDescription description = support::description_of(actor);
   const ActorFunction geometry = [&](const Tensor& window) { return actor.fine(window); };
-  const TextureFunction texture = [&](const Tensor& window, const Tensor& p, const Tensor& v) {
+  const LookFunction texture = [&](const Tensor& window, const Tensor& p, const Tensor& v) {
     return actor.texture(window, p, v);
   };
-  const ScriptModules modules{
-      {"egnet", actor.egnet.get()}, {"deltanet", actor.deltanet.get()}, {"texnet", actor.texnet.get()}};
+  const LookFunction gaussians = [&](const Tensor& window, const Tensor& p, const Tensor& v) {
+    return splat_rows(actor.splats(window, p, v), p);
+  };
+  const ScriptModules modules{{"egnet", actor.egnet.get()},
+                              {"deltanet", actor.deltanet.get()},
+                              {"texnet", actor.texnet.get()},
+                              {"surface_gaussians", actor.gaussians.get()}};
+  write_actor_onnx(folder / "complete.onnx", actor.character, description, {geometry, texture, gaussians}, modules);
+  description.num_gaussians = 0;
   write_actor_onnx(folder / "textured.onnx", actor.character, description, {geometry, texture}, modules);
   description.texture_size = 0;
-  write_actor_onnx(folder / "geometry.onnx", actor.character, description, {geometry, nullptr}, modules);
-  for (const auto& [name, batch] : {std::pair{"textured", 3}, std::pair{"geometry", 1}}) {
+  write_actor_onnx(folder / "geometry.onnx", actor.character, description, {geometry}, modules);
+  for (const auto& [name, batch] : {std::pair{"complete", 2}, std::pair{"textured", 3}, std::pair{"geometry", 1}}) {
     const auto path = [&](const char* value) { return folder / (std::string(name) + "." + value + ".npy"); };
     const Tensor window = random_windows(description, batch, 21), projection = random_projections(batch, 22);
     write(path("window"), window);
     write(path("vertices"), geometry(window));
     write(path("projection"), projection);
     write(path("texture"), texture(window, projection, geometry(window)));
+    write(path("gaussians"), gaussians(window, projection, geometry(window)));
   }
 }
 
-TEST(OnnxFileAgrees, GeometryAndTextureInOnnxRuntime) {
+TEST(OnnxFileAgrees, GeometryTextureAndGaussiansInOnnxRuntime) {
   const TemporaryFolder folder;
   write_dressed(folder);
   const int code = check(folder);
@@ -60,7 +69,7 @@ TEST(OnnxFileAgrees, GeometryAndTextureInOnnxRuntime) {
   EXPECT_EQ(code, 0);
 }
 
-TEST(OnnxFileAgrees, GeometryAndTextureInABrowser) {
+TEST(OnnxFileAgrees, GeometryTextureAndGaussiansInABrowser) {
   if (std::system("command -v chromium >/dev/null") != 0) GTEST_SKIP() << "chromium is not installed";
   const TemporaryFolder folder;
   write_dressed(folder);

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <tiny_gltf.h>
+
+#include <span>
+#include <string>
+
+#include "doppel/io/figure_export/figure_clip.h"
+#include "doppel/io/figure_export/glb_buffer.h"
+
+namespace doppel {
+
+/// Adds the skeleton of a figure to a glTF model without nodes. Node 0 holds the skeleton, nodes 1 ... B are its bones
+/// in the rest pose, node B + 1 is mesh 0 with the new skin. The scene holds nodes 0 and B + 1. The inverse bind
+/// matrices are those of the rest pose.
+/// @param name of the skin and of the node of the mesh
+void add_glb_skeleton(tinygltf::Model& model, GlbBuffer& buffer, const Figure& figure, const std::string& name);
+
+/// Adds JOINTS_0 and WEIGHTS_0 to a primitive: the joints are numbers in the skin of `add_glb_skeleton`.
+/// @param vertices for each vertex of the primitive, the vertex of the figure
+void add_glb_weights(GlbBuffer& buffer, const Figure& figure, std::span<const int> vertices,
+                     tinygltf::Primitive& primitive);
+
+/// Adds the animation of the nodes of `add_glb_skeleton`, and of the weights of the morph targets if there are any:
+/// linear interpolation between the keys of the tracks.
+/// @param tracks of at least one frame @param name of the animation
+void add_glb_animation(tinygltf::Model& model, GlbBuffer& buffer, const FigureTracks& tracks, double frames_per_second,
+                       const std::string& name);
+
+}  // namespace doppel
