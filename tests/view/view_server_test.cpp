@@ -18,6 +18,8 @@
 namespace doppel::view_server_test {
 namespace {
 
+constexpr int kGaussians = 3;
+
 /// A server of the test character with one frame, in a thread of its own.
 class ViewServerTest : public testing::Test {
  protected:
@@ -41,12 +43,26 @@ class ViewServerTest : public testing::Test {
         {"skinning", 0, [surface = CharacterSurface(result.character)](const torch::Tensor& window) mutable {
            return surface->skinned(window.select(1, window.size(1) - 1));
          }}};
-    result.stages.push_back({"textured", 0, result.stages[0].vertices,
+    result.stages.push_back({"textured",
+                             0,
+                             result.stages[0].vertices,
                              [](const auto&, const auto&, const auto&) {
                                return torch::full({1, 2, 2, 3}, 0.5);
                              },
-                             2, "skinning"});
+                             2,
+                             {},
+                             0,
+                             "skinning"});
+    const auto gaussians = [](const auto&, const auto& camera, const auto& vertices) {
+      return gaussian_rows(camera, vertices);
+    };
+    result.stages.push_back({"gaussians", 0, result.stages[0].vertices, {}, 0, gaussians, kGaussians, "skinning"});
     return result;
+  }
+  /// Made-up Gaussians at the first vertices; the other numbers of a row are those of the camera. @return [B,P,14]
+  static torch::Tensor gaussian_rows(const torch::Tensor& camera, const torch::Tensor& vertices) {
+    const torch::Tensor rest = camera.flatten(1).narrow(1, 0, 11).unsqueeze(1).expand({-1, kGaussians, -1});
+    return torch::cat({vertices.narrow(1, 0, kGaussians), rest}, 2);
   }
   httplib::Client client() const {
     httplib::Client result("127.0.0.1", port_);
@@ -114,6 +130,47 @@ TEST_F(ViewServerTest, FrameIsTheSkinnedSurfaceAndTheJoints) {
   std::vector<float> found(vertices);
   std::memcpy(found.data(), answer->body.data(), 4 * vertices);
   for (std::size_t i = 0; i < vertices; ++i) ASSERT_NEAR(found[i], expected.data_ptr<float>()[i], 1e-6);
+}
+
+/// The skinned surface and the joints come first, then the Gaussians for the camera of the request.
+TEST_F(ViewServerTest, GaussiansFollowTheSurfaceAndTheJoints) {
+  const Character character = make_test_character();
+  const std::string numbers = "500,1,320,2,3,510,240,4,5,6,1,7", query = "stage=gaussians&projection=" + numbers;
+  const torch::Tensor camera = torch::tensor({500, 1, 320, 2, 3, 510, 240, 4, 5, 6, 1, 7}, torch::kFloat32);
+  CharacterSurface surface(character);
+  const torch::NoGradGuard no_grad;
+  const torch::Tensor rest = torch::tensor(character.rest_dofs, torch::kFloat32).unsqueeze(0);
+  const torch::Tensor expected = gaussian_rows(camera.view({1, 3, 4}), surface->skinned(rest)).contiguous();
+  const std::string plain = client().Get(with_token("/api/frame?i=0&stage=skinning"))->body;
+  const std::string pose(static_cast<const char*>(rest.data_ptr()), rest.nbytes());
+  const auto frame = client().Get(with_token("/api/frame?i=0&" + query));
+  const auto posed = client().Post(with_token("/api/pose?" + query), pose, "application/octet-stream");
+  for (const auto& answer : {&frame, &posed}) {
+    ASSERT_EQ((*answer)->status, 200) << (*answer)->body;
+    const std::string& body = (*answer)->body;
+    ASSERT_EQ(body.size(), plain.size() + 4 * kGaussians * 14);
+    EXPECT_EQ(body.substr(0, plain.size()), plain);
+    std::vector<float> rows(kGaussians * 14);
+    std::memcpy(rows.data(), body.data() + plain.size(), 4 * rows.size());
+    EXPECT_LT((torch::tensor(rows) - expected.flatten()).abs().max().item<float>(), 1e-6);
+  }
+  EXPECT_EQ(status(with_token("/api/frame?i=0&stage=gaussians")), 400) << "without a camera";
+  const auto stages = nlohmann::json::parse(client().Get(with_token("/double/description.json"))->body)["stages"];
+  EXPECT_EQ(stages[0]["gaussians"], 0);
+  EXPECT_EQ(stages[2]["gaussians"], kGaussians);
+  EXPECT_EQ(stages[2]["geometry"], "skinning");
+}
+
+/// A live pose is answered in the same way, behind its number, whether the person is seen, and its DoFs.
+TEST_F(ViewServerTest, GaussiansOfALivePose) {
+  const std::vector<double> dofs = make_test_character().rest_dofs;
+  const std::vector<float> pose(dofs.begin(), dofs.end());
+  const std::string body(reinterpret_cast<const char*>(pose.data()), 4 * pose.size());
+  ASSERT_EQ(client().Post(with_token("/api/live?tracked=1"), body, "application/octet-stream")->status, 200);
+  const std::string query = "stage=gaussians&projection=1,0,0,0,0,1,0,0,0,0,1,3";
+  const auto live = client().Get(with_token("/api/live?after=0&" + query));
+  ASSERT_EQ(live->status, 200) << live->body;
+  EXPECT_EQ(live->body.substr(8), body + client().Get(with_token("/api/frame?i=0&" + query))->body);
 }
 
 TEST_F(ViewServerTest, RefusesFramesStagesAndPosesThatDoNotExist) {

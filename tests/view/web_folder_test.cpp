@@ -9,6 +9,7 @@
 
 #include "actor/export/dressed_actor.h"
 #include "doppel/core/error.h"
+#include "doppel/render/splats/splat_rows.h"
 #include "doppel/view/view_server.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
@@ -22,8 +23,8 @@ using ::testing::HasSubstr;
 /// All stages of an untrained actor, with a motion of six frames.
 ViewSubject dressed_subject() {
   const auto actor = std::make_shared<TrainedActor>(support::dressed_actor());
-  for (torch::nn::Module* network :
-       std::initializer_list<torch::nn::Module*>{actor->egnet.get(), actor->deltanet.get(), actor->texnet.get()})
+  for (torch::nn::Module* network : std::initializer_list<torch::nn::Module*>{
+           actor->egnet.get(), actor->deltanet.get(), actor->texnet.get(), actor->gaussians.get()})
     for (torch::Tensor& weight : network->parameters()) weight.requires_grad_(false);
   ViewSubject subject;
   subject.character = actor->character;
@@ -42,7 +43,12 @@ ViewSubject dressed_subject() {
     return actor->texture(w, camera, vertices);
   };
   subject.stages.push_back(
-      {"textured", past, fine, texture, static_cast<int>(actor->texnet->config().texture_size()), "deltanet"});
+      {"textured", past, fine, texture, static_cast<int>(actor->texnet->config().texture_size()), {}, 0, "deltanet"});
+  const auto gaussians = [actor](const auto& w, const auto& camera, const auto& vertices) {
+    return splat_rows(actor->splats(w, camera, vertices), camera);
+  };
+  const int count = static_cast<int>(actor->gaussians->points().texel.size(0));
+  subject.stages.push_back({"gaussians", past, fine, {}, 0, gaussians, count, "deltanet"});
   return subject;
 }
 

@@ -1,15 +1,17 @@
 // Checks the page that `doppel export --format web` writes against the page of `doppel view` of the same double.
 //   node check_page.mjs FOLDER [URL]
 // A plain file server serves FOLDER. The double plays, follows a slider, and a joint follows the mouse; the picture covers
-// the pixels of the projected mesh. With URL, the address of the server: every stage has the same vertices to 1e-5 m, the
-// same texels to one step of 255 and the same picture. Exit code 1: one of these fails.
+// the pixels of the projected mesh; Gaussians follow the camera and fade. With URL, the address of the server: every stage
+// has the same vertices to 1e-5 m, the same texels to one step of 255, the same Gaussians (kGaussianLimit) and the same
+// picture, and the page of the server follows live poses. Exit code 1: one of these fails.
 import assert from 'node:assert/strict';
 import { launch, serve } from './browser.mjs';
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
-import { checkPhone, checkPlaying, checkReach, checkSlider, kWebGl, openPage } from './page_checks.mjs';
+import { checkGaussians, checkLive, checkPhone, checkPlaying, checkReach, checkSlider, kWebGl, openPage } from './page_checks.mjs';
 
 const kViewport = { width: 960, height: 540 };
+const kGaussianLimit = 1e-3;  // of colours and opacities 0..1; a tenth of it in metres
 const [folder, url] = process.argv.slice(2);
 
 // The stage `name` at a frame, from one camera: vertices, texels, and the picture's RGBA bytes from the bottom up.
@@ -37,10 +39,24 @@ async function pictureOf({ name, frame }) {
   };
   return { ...size, pixels: base64(pixels), projection: picture.projection(), corners: Array.from(picture.source.mesh.corners,
     (corner) => picture.source.mesh.source[corner]), vertices: Array.from(state.geometry.vertices),
-  texels: state.geometry.texels && base64(state.geometry.texels) };
+  texels: state.geometry.texels && base64(state.geometry.texels), gaussians: state.geometry.gaussians && Array.from(state.geometry.gaussians) };
 }
 
 const farthest = (a, b) => a.reduce((most, value, i) => Math.max(most, Math.abs(value - b[i])), a.length === b.length ? 0 : Infinity);
+
+// How far Gaussians are apart, as a part of kGaussianLimit. q and -q are the same rotation.
+function gaussiansApart(a, b) {
+  if (a.length !== b.length) return Infinity;
+  let most = 0;
+  for (let at = 0; at < a.length; at += 14) {
+    const sign = [3, 4, 5, 6].reduce((sum, k) => sum + a[at + k] * b[at + k], 0) < 0 ? -1 : 1;
+    for (let k = 0; k < 14; ++k) {
+      const turns = k >= 3 && k < 7, metres = k < 10 && !turns;
+      most = Math.max(most, (Math.abs(a[at + k] - (turns ? sign : 1) * b[at + k]) / kGaussianLimit) * (metres ? 10 : 1));
+    }
+  }
+  return most;
+}
 
 // IoU of the pixels that differ from the background with those whose centre lies in a projected triangle.
 function coverage({ width, height, pixels, projection: p, vertices, corners }) {
@@ -78,15 +94,24 @@ try {
   const there = url ? await openPage(browser, url, kViewport) : null;
   for (const stage of stages) {
     const found = await shown(here.page, stage, 2), iou = coverage(found);
-    assert.ok(iou > 0.98, `${stage}: the picture covers the mesh with an IoU of ${iou}`);
+    // Gaussians reach beyond the mesh, and those of an untrained network are small.
+    assert.ok(iou > (found.gaussians ? 0.7 : 0.98), `${stage}: the picture covers the mesh with an IoU of ${iou}`);
     if (!there) continue;
     const expected = await shown(there.page, stage, 2), off = farthest(found.vertices, expected.vertices);
     assert.ok(off < 1e-5, `${stage}: vertices differ by ${off} m`);
     const texels = found.texels ? farthest(found.texels, expected.texels) : 0;
     assert.ok(texels <= 1, `${stage}: texels differ by ${texels} of 255`);
+    const apart = found.gaussians ? gaussiansApart(found.gaussians, expected.gaussians) : 0;
+    assert.ok(apart <= 1, `${stage}: Gaussians differ by ${apart} times what is allowed`);
     const other = found.pixels.filter((value, i) => Math.abs(value - expected.pixels[i]) > 3).length / found.pixels.length;
     assert.ok(other < 1e-3, `${stage}: ${other} of the picture's bytes differ`);
-    console.log(`${stage}: vertices ${off.toExponential(1)} m, texels ${texels} of 255, IoU with the mesh ${iou.toFixed(4)}`);
+    console.log(`${stage}: vertices ${off.toExponential(1)} m, texels ${texels} of 255, Gaussians ${apart.toFixed(3)} of what is ` +
+      `allowed, IoU with the mesh ${iou.toFixed(4)}`);
+  }
+  if (stages.includes('gaussians')) for (const { page } of there ? [here, there] : [here]) await checkGaussians(page);
+  if (there) {
+    await checkLive(there.page, url);
+    await there.page.close();
   }
   await here.page.locator('#beside').check();
   await checkPlaying(here.page);

@@ -82,6 +82,38 @@ export async function checkReach(page) {
   console.log(`${start.name} reaches the mouse to ${(1000 * distance).toFixed(2)} mm`);
 }
 
+// The Gaussians are those for the camera of the page, also after it was turned, and half opaque they give the mean of the
+// picture with them and the picture without.
+export async function checkGaussians(page) {
+  await page.getByRole('radio', { name: 'gaussians' }).click();
+  await idle(page);
+  const box = await page.locator('#stage canvas').boundingBox(), before = await page.evaluate(() => window.doppel.state.drawn);
+  await page.mouse.move(box.x + 20, box.y + 20);
+  await page.mouse.down();
+  await page.mouse.move(box.x + 80, box.y + 40, { steps: 4 });
+  await page.mouse.up();
+  await drawn(page, before + 1);
+  await idle(page);
+  const { apart, off, change: seen } = await page.evaluate(async () => {
+    const { state, source, picture } = window.doppel, slider = document.getElementById('opacity');
+    const now = await source.frame(state.frame, state.stage, picture.projection());
+    const far = (a, b) => a.reduce((most, value, i) => Math.max(most, Math.abs(value - b[i])), 0);
+    const image = (opacity) => {
+      slider.value = opacity;
+      slider.dispatchEvent(new Event('input'));
+      picture.renderer.render(picture.scene, picture.camera);
+      const gl = picture.renderer.getContext(), pixels = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
+      gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+      return pixels;
+    };
+    const [none, half, whole] = [0, 0.5, 1].map(image);
+    const mean = Array.from(none, (value, i) => (value + whole[i]) / 2);
+    return { apart: far(now.gaussians, state.geometry.gaussians), change: far(none, whole), off: far(half, mean) };
+  });
+  assert.ok(apart < 1e-6, 'the Gaussians are not those for this camera');
+  assert.ok(seen > 20 && off <= 2, `half opaque Gaussians are ${off} of 255 from half a picture, and ${seen} is seen of them`);
+}
+
 // Opens an image from the disk as the texture.
 export async function checkTexture(page) {
   const red = await page.evaluate(async () => {
@@ -171,8 +203,9 @@ export async function checkLive(page, url) {
   await page.waitForTimeout(200);
   const { off, moved } = await page.evaluate(async () => {
     const { state, source, picture } = window.doppel, far = (a, b) => a.reduce((most, v, i) => Math.max(most, Math.abs(v - b[i])), 0);
-    const at = async (dofs) => (await source.pose(dofs, state.stage, picture.projection())).vertices;
-    return { off: far(state.geometry.vertices, await at(state.edited)), moved: far(state.geometry.vertices, await at(Float32Array.from(source.about.rest))) };
+    const all = ({ vertices, gaussians }) => [...vertices, ...(gaussians ?? [])], shown = all(state.geometry);
+    const at = async (dofs) => all(await source.pose(dofs, state.stage, picture.projection()));
+    return { off: far(shown, await at(state.edited)), moved: far(shown, await at(Float32Array.from(source.about.rest))) };
   });
   assert.ok(off < 1e-6, `the live double is ${off} m from its pose`);
   assert.ok(moved > 1e-3, 'the live poses move nothing');

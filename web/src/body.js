@@ -34,8 +34,14 @@ export class Body {
     this.material.needsUpdate = true;
   }
 
+  // @param opacity 0..1
+  fade(opacity) {
+    Object.assign(this.material, { opacity, transparent: opacity < 1 });
+    this.material.needsUpdate = true;
+  }
+
   // @param vertices of the template [3N]  @param texels RGBA bytes of the dynamic texture, or null
-  show(vertices, texels) {
+  show({ vertices, texels }) {
     const { source } = this.topology, normals = this.vertexNormals(vertices);
     for (const [attribute, values] of [[this.positions, vertices], [this.normals, normals]]) {
       for (let i = 0; i < source.length; ++i) attribute.array.set(values.subarray(3 * source[i], 3 * source[i] + 3), 3 * i);
@@ -49,11 +55,6 @@ export class Body {
   box() {
     this.mesh.geometry.computeBoundingBox();
     return this.mesh.geometry.boundingBox;
-  }
-
-  width() {
-    const size = this.box().getSize(new Vector3());
-    return Math.max(size.x, size.z, size.y / 2);
   }
 
   // Area-weighted normals of the template's vertices, smooth across the seams of the texture; the shader normalises.

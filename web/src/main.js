@@ -8,6 +8,9 @@ import { followTraining } from './training.js';
 const element = (id) => document.getElementById(id);
 const complain = (error) => { element('message').textContent = String(error.message ?? error); element('message').hidden = false; };
 
+// Whether a network makes the stage's texture or its Gaussians for one camera.
+const seesCamera = ({ texture_size, gaussians }) => texture_size > 0 || gaussians > 0;
+
 // One request at a time; of those that come meanwhile, the newest is kept.
 function newestOnly(work) {
   let busy = false, waiting = null;
@@ -23,13 +26,14 @@ function newestOnly(work) {
 
 function app(source) {
   const { about } = source, picture = new Picture(element('stage'), source);
-  const state = { frame: 0, playing: false, edited: null, stage: about.stages.findLast(({ texture_size }) => !texture_size), speed: 1 };
+  const state = { frame: 0, playing: false, edited: null, stage: about.stages.findLast((stage) => !seesCamera(stage)), speed: 1 };
   const dofs = () => state.edited ?? source.dofsOf(state.frame);
+  const stagesInView = () => (state.beside ? about.stages : [state.stage]);
 
   async function drawDouble() {
     const { frame, edited } = state, chosen = state.stage, projection = picture.projection();
     const surfaces = [];
-    for (const stage of state.beside ? about.stages : [chosen]) {
+    for (const stage of stagesInView()) {
       const geometry = edited ? await source.pose(edited, stage, projection) : await source.frame(frame, stage, projection);
       surfaces.push({ stage, ...geometry });
     }
@@ -47,7 +51,7 @@ function app(source) {
     if (!state.framed) {
       state.framed = true;
       picture.frameAll();
-      if (surfaces.some(({ texels }) => texels)) draw();  // the texture of this camera
+      if (surfaces.some(({ stage }) => seesCamera(stage))) draw();  // now for this camera
     }
   });
 
@@ -122,7 +126,7 @@ function app(source) {
     about.dofs.forEach((dof, d) => { sliders[d].row.hidden = !dof.name.toLowerCase().includes(wanted); });
   });
   if (window.matchMedia('(max-width: 640px)').matches) element('panel').classList.add('hidden');
-  picture.controls.addEventListener('end', () => { if (state.geometry?.texels) draw(); });  // its texture depends on the camera
+  picture.controls.addEventListener('end', () => { if (state.geometry && stagesInView().some(seesCamera)) draw(); });
   if (about.stages.length < 2) element('beside').parentElement.hidden = true;
   if (source.points) {
     document.body.classList.add('without-double');

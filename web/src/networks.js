@@ -20,12 +20,11 @@ export async function folderNetworks(about, dofsOf) {
   async function geometry(rows, stage, projection) {
     const window = tensor(rows.flatMap((row) => Array.from(row)), [1, rows.length, about.dofs.length]);
     const { vertices } = await (await network(stage.geometry)).run({ window });
-    let texels = null;
-    if (stage.texture_size) {
-      const session = await network(stage.name);
-      texels = bytesOf((await session.run({ window, projection: tensor(projection, [1, 3, 4]), vertices })).texture.data);
-    }
-    return { vertices: vertices.data, joints: await joints(rows.at(-1)), texels };
+    let look = {};
+    if (stage.geometry !== stage.name)
+      look = await (await network(stage.name)).run({ window, projection: tensor(projection, [1, 3, 4]), vertices });
+    return { vertices: vertices.data, joints: await joints(rows.at(-1)), texels: look.texture ? bytesOf(look.texture.data) : null,
+      gaussians: look.gaussians?.data ?? null };
   }
 
   return {

@@ -1,4 +1,4 @@
-// The picture: a body for each stage in view, handles at the joints, light, camera.
+// The picture: a body, or Gaussians, for each stage in view, handles at the joints, light, camera.
 import {
   Box3, Color, DirectionalLight, GridHelper, HemisphereLight, InstancedMesh, Matrix4, MeshBasicMaterial, PerspectiveCamera,
   Plane, Raycaster, Scene, SphereGeometry, SRGBColorSpace, TextureLoader, Vector2, Vector3, WebGLRenderer,
@@ -7,8 +7,14 @@ import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { Body } from './body.js';
 import { Cameras, centreOf } from './cameras.js';
 import { Figure } from './figure.js';
+import { Splats } from './splats.js';
 
 const kHandle = 0.02;  // metres
+
+function widthOf(box) {
+  const size = box.getSize(new Vector3());
+  return Math.max(size.x, size.z, size.y / 2);
+}
 
 export class Picture {
   constructor(parent, source) {
@@ -20,7 +26,7 @@ export class Picture {
     this.controls = new OrbitControls(this.camera, this.renderer.domElement);
     this.source = source;
     this.addLights();
-    this.bodies = new Map();  // stage name -> Body
+    this.bodies = new Map();  // stage name -> Body or Splats
     this.gap = 0;  // metres between bodies side by side
     this.handles = new InstancedMesh(new SphereGeometry(kHandle, 12, 8), new MeshBasicMaterial({ depthTest: false,
       transparent: true, opacity: 0.85 }), source.about.joints.length);
@@ -34,6 +40,9 @@ export class Picture {
     this.cameras = new Cameras(this.scene, source.cameras.cameras);
     new ResizeObserver(() => this.resize(parent)).observe(parent);
     this.resize(parent);
+    this.scene.onBeforeRender = (renderer, scene, camera) => {
+      for (const body of this.bodies.values()) if (body.mesh.visible) body.prepare?.(renderer, camera);
+    };
     // A picture is drawn when something has changed: see `redraw`.
     this.renderer.setAnimationLoop(() => {
       if (!(this.through < 0 && this.controls.update()) && !this.changed) return;
@@ -110,10 +119,7 @@ export class Picture {
   // @param opacity of the double, 0..1
   fade(opacity) {
     this.opacity = opacity;
-    for (const { material } of this.bodies.values()) {
-      Object.assign(material, { opacity, transparent: opacity < 1 });
-      material.needsUpdate = true;
-    }
+    for (const body of this.bodies.values()) body.fade(opacity);
     this.redraw();
   }
 
@@ -123,24 +129,24 @@ export class Picture {
     this.redraw();
   }
 
-  // Shows one body for each entry of `surfaces`, { stage, vertices, texels }. That of stage `chosen` stands at its place
-  // and carries the handles; the others stand beside it.
+  // Shows one body for each entry of `surfaces`, { stage, vertices, texels, gaussians }. That of stage `chosen` stands at
+  // its place and carries the handles; the others stand beside it.
   show(surfaces, chosen, joints) {
     for (const { stage } of surfaces)
       if (!this.bodies.has(stage.name)) {
-        const body = new Body(this.source.mesh, stage.texture_size);
+        const body = stage.gaussians ? new Splats(stage.gaussians) : new Body(this.source.mesh, stage.texture_size);
         body.paint(this.map);
-        Object.assign(body.material, { opacity: this.opacity, transparent: this.opacity < 1 });
+        body.fade(this.opacity);
         this.bodies.set(stage.name, body);
         this.scene.add(body.mesh);
       }
     for (const body of this.bodies.values()) body.mesh.visible = false;
     const middle = surfaces.findIndex(({ stage }) => stage.name === chosen.name);
-    surfaces.forEach(({ stage, vertices, texels }, k) => {
-      const body = this.bodies.get(stage.name);
-      body.show(vertices, texels);
+    surfaces.forEach((surface, k) => {
+      const body = this.bodies.get(surface.stage.name);
+      body.show(surface);
       body.mesh.visible = true;
-      if (!this.gap) this.gap = 1.1 * body.width();
+      if (!this.gap) this.gap = 1.1 * widthOf(body.box());
       body.mesh.position.set((k - middle) * this.gap, 0, 0);
     });
     this.joints = joints;

@@ -9,15 +9,16 @@ async function fetched(path, body) {
 }
 const bytesOf = async (path, body) => (await fetched(path, body)).arrayBuffer();
 
-// Geometry: { vertices [3N], joints [3J], texels: RGBA bytes [4TT] or null }
+// Geometry: { vertices [3N], joints [3J], texels: RGBA bytes [4TT] or null, gaussians: rows [14P] or null }
 function serverNetworks(about) {
   const address = (path, stage, projection, query = {}) => `${path}?${new URLSearchParams(
     { ...query, stage: stage.name, ...(projection ? { projection } : {}) })}`;
-  const split = (bytes, { texture_size: size }) => {
-    const joints = 12 * about.vertices, texels = joints + 12 * about.joints.length;
+  const split = (bytes, { texture_size: size, gaussians: count }) => {
+    const joints = 12 * about.vertices, look = joints + 12 * about.joints.length;
     return {
       vertices: new Float32Array(bytes, 0, 3 * about.vertices), joints: new Float32Array(bytes, joints, 3 * about.joints.length),
-      texels: size ? new Uint8Array(bytes, texels, 4 * size * size) : null,
+      texels: size ? new Uint8Array(bytes, look, 4 * size * size) : null,
+      gaussians: count ? new Float32Array(bytes, look, 14 * count) : null,
     };
   };
   return {
