@@ -96,6 +96,15 @@ void freeze_networks(TrainedActor& actor) {
   if (actor.hybrid) freeze_graph_networks(*actor.hybrid, format);
 }
 
+/// The bone with the largest weight of each vertex. @return int64 [N]
+torch::Tensor main_bones(const SkinningWeights& skin) {
+  std::vector<std::int64_t> bones;
+  for (int v = 0; v < skin.num_vertices(); ++v)
+    bones.push_back(
+        skin.vertex_bones.items[static_cast<std::size_t>(skin.vertex_bones.offsets[static_cast<std::size_t>(v)])]);
+  return torch::tensor(bones);
+}
+
 /// A texture resized to another resolution. @param texture [1,Th,Tw,3] @return [size,size,3]
 torch::Tensor resized(const torch::Tensor& texture, std::int64_t size) {
   const torch::Tensor planes = texture.permute({0, 3, 1, 2});
@@ -227,18 +236,32 @@ TexNetInput texture_input(TrainedActor& actor, const TextureSpace& space, const 
   return texnet_input(normals, centre, camera.forward);
 }
 
+namespace {
+
+torch::Tensor unit(const torch::Tensor& vectors) { return vectors / vectors.norm(2, -1, true).clamp_min(1e-12); }
+
+/// How the limbs shade the texels of the Gaussians.
+Occlusion texel_occlusion(const TrainedActor& actor, const TexelPoints& points, const torch::Tensor& vertices) {
+  const Occlusion found = actor.body_spheres->at(vertices, unit(vertex_normal_sums(vertices, *actor.mesh)));
+  return {at_points(found.amount.unsqueeze(2), points).squeeze(2), unit(at_points(found.direction, points))};
+}
+
+}  // namespace
+
 Splats posed_splats(TrainedActor& actor, Gaussians& gaussians, const TextureSpace& space,
                     const torch::Tensor& dof_window, const torch::Tensor& projection, const torch::Tensor& vertices,
                     const std::optional<at::Generator>& generator, const BatchShare& share) {
   SurfaceFrames frames;
+  Occlusion occlusion;
   std::optional<TexNetInput> maps;
   {
     const torch::NoGradGuard no_grad;
     const GaussiansConfig& config = gaussians->config();
     frames = surface_frames(vertices, *actor.mesh, gaussians->points());
+    if (config.shadows) occlusion = texel_occlusion(actor, gaussians->points(), vertices);
     if (config.network) maps = texture_input(actor, space, config.maps(), dof_window, projection, vertices);
   }
-  return gaussians->forward(frames, maps, generator, share);
+  return gaussians->forward(frames, maps, generator, share, occlusion);
 }
 
 SampleId nerf_frame(const Dataset& dataset, Split split, const std::vector<long>& frames) {
@@ -275,10 +298,12 @@ TexNet make_tex_net(const TrainedActor& actor, const TexNetConfig& config, at::G
   return TexNet(config, base, light, generator);
 }
 
-Gaussians make_gaussians(const TrainedActor& actor, const TextureSpace& space, const GaussiansConfig& config,
+Gaussians make_gaussians(TrainedActor& actor, const TextureSpace& space, const GaussiansConfig& config,
                          at::Generator generator) {
   actor.require_texture("gaussians");
   const torch::Tensor vertices = vertex_tensor(actor.character.mesh.vertices).view({-1, 3});
+  if (config.shadows)
+    actor.body_spheres = std::make_shared<BodySpheres>(vertices.to(torch::kFloat32), main_bones(actor.character.skin));
   return Gaussians(config, gaussian_texels(vertices, space, resized(actor.static_texture, config.size)),
                    config.lit ? shared_lighting(actor, "gaussians") : torch::Tensor(), generator);
 }

@@ -22,6 +22,7 @@
 #include "doppel/nets/lighting.h"
 #include "doppel/nets/plain_field.h"
 #include "doppel/nets/tex_net.h"
+#include "doppel/render/lighting/occlusion.h"
 #include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/texture/texture_space.h"
 
@@ -57,6 +58,7 @@ struct TrainedActor {
   std::shared_ptr<RenderMesh> mesh;             ///< the template's faces and UVs; never null after `load`
   std::shared_ptr<TextureSpace> texture_space;  ///< of TexNet's size; null without TexNet
   std::shared_ptr<TextureSpace> splat_space;    ///< of the Gaussians' size; null without them
+  std::shared_ptr<BodySpheres> body_spheres;    ///< in the limbs of the template; null without Gaussians with shadows
   std::shared_ptr<FieldViewer> field_viewer;    ///< null without the hybrid
   FieldImageOptions field_image;                ///< samples per ray as in the hybrid's training
   int field_stencil = 9;                        ///< pixels, as in the hybrid's training (FieldRays)
@@ -153,12 +155,12 @@ SampleId nerf_frame(const Dataset& dataset, Split split, const std::vector<long>
 /// when config.lit is set and the lighting was not trained
 TexNet make_tex_net(const TrainedActor& actor, const TexNetConfig& config, at::Generator generator);
 
-/// Makes untrained Gaussians for an actor, with the colours of its static texture. With config.lit, these are under the
-/// actor's lighting, averaged over the trained cameras.
+/// Makes untrained Gaussians for an actor, and the spheres of their shadows (actor.body_spheres), with the colours of
+/// its static texture. With config.lit, these are under the actor's lighting, averaged over the trained cameras.
 /// @param space of the size config.size @param generator draws the initial weights
 /// @throws UsageError when the template has no UVs or no texture, or when config.lit is set and the lighting was not
 /// trained
-Gaussians make_gaussians(const TrainedActor& actor, const TextureSpace& space, const GaussiansConfig& config,
+Gaussians make_gaussians(TrainedActor& actor, const TextureSpace& space, const GaussiansConfig& config,
                          at::Generator generator);
 
 }  // namespace doppel

@@ -17,6 +17,7 @@
 #include "doppel/core/tensor/image_tensor.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/data/dataset/loader.h"
+#include "doppel/data/dataset/studio_crops.h"
 #include "doppel/detect/masks/mask.h"
 #include "doppel/eval/lpips.h"
 #include "doppel/eval/sharpness.h"
@@ -141,13 +142,6 @@ cv::Rect windows_that_differ(const cv::Mat& a8, const cv::Mat& b8) {
   const int first = bytes.x / 3, last = (bytes.x + bytes.width - 1) / 3, reach = kWindow - 1;
   return cv::Rect(first - reach, bytes.y - reach, last - first + 1 + 2 * reach, bytes.height + 2 * reach) &
          cv::Rect({}, a8.size());
-}
-
-/// The background of a crop, RGB: the empty studio, or black.
-cv::Mat background_crop(const cv::Mat& studio, const CropBox& box, int size) {
-  cv::Mat result = cv::Mat::zeros(size, size, CV_8UC3);
-  if (!studio.empty() && !box.empty()) cv::cvtColor(crop_image(studio, box, size), result, cv::COLOR_BGR2RGB);
-  return result;
 }
 
 /// The drawing as its camera would have filmed it, over the empty studio or black, cropped like the image.

@@ -18,7 +18,8 @@ constexpr double kThickness = 0.3;  // first standard deviation along the normal
 
 // A step of Adam changes every parameter by about the learning rate. These factors give each kind of parameter a step
 // of its own; they are about those of the published 3DGS code at a learning rate of 1e-3.
-constexpr double kOffsetStep = 0.15, kRotationStep = 1.0, kScaleStep = 5.0, kOpacityStep = 30.0, kColourStep = 1.0;
+constexpr double kOffsetStep = 0.15, kRotationStep = 1.0, kScaleStep = 5.0, kOpacityStep = 30.0, kColourStep = 1.0,
+                 kStrengthStep = 5.0;
 
 }  // namespace
 
@@ -30,6 +31,9 @@ void describe_keys(const Keys& keys, GaussiansConfig& config) {
   keys("spread", config.spread, between(0.1, 10.0), "initial standard deviation along the surface, in texels");
   keys("opacity", config.opacity, between(0.01, 0.99), "initial");
   keys("lit", config.lit, "the colours are albedo under the learnt lighting");
+  keys("shadows", config.shadows, "with `lit`: limbs shade the body");
+  keys.require("shadows", config.lit || !config.shadows,
+               "found true; only light that was learnt is shaded, so set lit: true");
   keys("network", config.network, "a UNet predicts for each pose how the Gaussians change");
   keys("past_frames", config.past_frames, between(0, 100), "F, the past frames of the network's motion window");
   keys("levels", config.levels, between(0, 10), "halvings of the UNet; 0: down to one texel");
@@ -89,9 +93,16 @@ GaussiansImpl::GaussiansImpl(const GaussiansConfig& config, const GaussianTexels
     check_shape("gaussians", "lighting", lighting, {3, kShBasis}, "[3,9]");
     lighting_ = register_buffer("lighting", lighting.detach().to(torch::kFloat32).clone());
   }
+  if (config_.shadows) {
+    strength_ = register_parameter("strength", torch::zeros({1}));
+    Tensor rows = torch::full({static_cast<std::int64_t>(config_.size) * config_.size}, P, torch::kInt64);
+    rows.index_copy_(0, points_.texel, torch::arange(P));
+    row_of_texel_ = register_buffer("row_of_texel", rows);
+  }
   if (!config_.network) return;
   config_.unet.levels = config_.maps().num_levels();
-  unet_ = register_module("unet", UNet(config_.maps().num_inputs(), kChanges, config_.unet, std::move(generator)));
+  unet_ = register_module("unet", UNet(config_.maps().num_inputs() + (config_.shadows ? 1 : 0), kChanges, config_.unet,
+                                       std::move(generator)));
 }
 
 Tensor GaussiansImpl::offsets() const { return kOffsetStep * offset_; }
@@ -101,26 +112,37 @@ Tensor GaussiansImpl::log_scales() const {
   return (config_.spread * spacing_.unsqueeze(1) * axes).log() + kScaleStep * scale_;
 }
 
+Tensor GaussiansImpl::map_of(const Tensor& values) const {
+  const Tensor padded = torch::constant_pad_nd(values, {0, 1});
+  return padded.index_select(1, row_of_texel_).unflatten(1, {config_.size, config_.size}).unsqueeze(1);
+}
+
 Tensor GaussiansImpl::changes(const TexNetInput& maps, const std::optional<at::Generator>& generator,
-                              const BatchShare& share) {
+                              const BatchShare& share, const Occlusion& occlusion) {
   const Tensor camera = config_.camera ? maps.camera : torch::zeros_like(maps.camera);
-  const Tensor raw = unet_->forward({maps.normals, camera}, generator, share);
+  Tensor surface = maps.normals;
+  if (config_.shadows) surface = torch::cat({surface, map_of(occlusion.amount)}, 1);
+  const Tensor raw = unet_->forward({surface, camera}, generator, share);
   return raw.flatten(2).index_select(2, points_.texel).transpose(1, 2);  // [B,P,10]
 }
 
 Splats GaussiansImpl::forward(const SurfaceFrames& frames, const std::optional<TexNetInput>& maps,
-                              const std::optional<at::Generator>& generator, const BatchShare& share) {
+                              const std::optional<at::Generator>& generator, const BatchShare& share,
+                              const Occlusion& occlusion) {
   Tensor offset = offsets().unsqueeze(0), scale = log_scales().unsqueeze(0),
          opacity = std::log(config_.opacity / (1.0 - config_.opacity)) + kOpacityStep * opacity_.unsqueeze(0),
          colour = first_colour_.unsqueeze(0) + kColourStep * colour_.unsqueeze(0);
   if (unet_ && maps) {
-    const Tensor change = changes(*maps, generator, share);
+    const Tensor change = changes(*maps, generator, share, occlusion);
     offset = offset + kMaxOffset * change.narrow(2, 0, 3).tanh();
     scale = scale + change.narrow(2, 3, 3);
     opacity = opacity + change.select(2, 6);
     colour = colour + change.narrow(2, 7, 3).tanh();
   }
-  if (lighting_.defined()) colour = colour * sh_basis(frames.normals).matmul(lighting_.t());
+  if (config_.shadows && occlusion.amount.defined())
+    colour = colour * shaded_light(frames.normals, occlusion, lighting_, 1.0 + kStrengthStep * strength_);
+  else if (lighting_.defined())
+    colour = colour * sh_basis(frames.normals).matmul(lighting_.t());
   const Tensor own = kRotationStep * rotation_ + torch::tensor({1.0, 0.0, 0.0, 0.0}, torch::kFloat32);
   Splats out;
   out.positions = frames.positions + turned(frames.rotations, offset);

@@ -10,6 +10,7 @@
 
 #include "doppel/core/options.h"
 #include "doppel/nets/tex_net.h"
+#include "doppel/render/lighting/occlusion.h"
 #include "doppel/render/splats/splats.h"
 #include "doppel/render/splats/surface_frames.h"
 
@@ -20,6 +21,7 @@ struct GaussiansConfig {
   double spread = 0.7;   ///< initial standard deviation along the surface, in distances of texels
   double opacity = 0.9;  ///< initial
   bool lit = false;      ///< the colours are albedo under the learnt lighting
+  bool shadows = false;  ///< with `lit`: limbs shade the body (BodySpheres)
   bool network = true;   ///< a UNet predicts for each pose how the Gaussians change
   int past_frames = 2;   ///< F of the network's input
   int levels = 0;        ///< halvings of the UNet; 0: down to one texel, at most 10
@@ -47,7 +49,7 @@ GaussianTexels gaussian_texels(const torch::Tensor& vertices, const TextureSpace
 ///   logit of the opacity = a + p_a,  colour = (c + tanh p_c) L(n)
 ///
 /// x, R and n are the position, the rotation and the normal of the texel in this pose. L is the lighting, 1 without
-/// `lit`.
+/// `lit`. With `shadows`, L is `shaded_light` with a learnt strength, and the network sees how much light is taken.
 class GaussiansImpl : public torch::nn::Module {
  public:
   /// @param lighting [3,9] as `shade` takes it, with `lit` only @param generator draws the network's initial weights
@@ -56,8 +58,10 @@ class GaussiansImpl : public torch::nn::Module {
 
   /// @param frames of the texels on the finished surface, [B,P,...]
   /// @param maps the network's input; nothing: the Gaussians that all poses share @param generator, share as in TexNet
+  /// @param occlusion with `shadows`: of the texels, [B,P,...]; undefined: nothing is shaded
   Splats forward(const SurfaceFrames& frames, const std::optional<TexNetInput>& maps,
-                 const std::optional<at::Generator>& generator = std::nullopt, const BatchShare& share = {});
+                 const std::optional<at::Generator>& generator = std::nullopt, const BatchShare& share = {},
+                 const Occlusion& occlusion = {});
 
   /// The mean length of the offsets, in distances of texels.
   torch::Tensor offset_length();
@@ -68,8 +72,9 @@ class GaussiansImpl : public torch::nn::Module {
   const TexelPoints& points() const { return points_; }
 
  private:
-  torch::Tensor changes(const TexNetInput& maps, const std::optional<at::Generator>& generator,
-                        const BatchShare& share);
+  torch::Tensor changes(const TexNetInput& maps, const std::optional<at::Generator>& generator, const BatchShare& share,
+                        const Occlusion& occlusion);
+  torch::Tensor map_of(const torch::Tensor& values) const;
   torch::Tensor offsets() const;
   torch::Tensor log_scales() const;
 
@@ -79,6 +84,7 @@ class GaussiansImpl : public torch::nn::Module {
   torch::Tensor offset_, rotation_, scale_, opacity_, colour_;  ///< parameters [P,3], [P,4], [P,3], [P], [P,3]
   torch::Tensor first_colour_, spacing_;                        ///< buffers [P,3], [P]
   torch::Tensor lighting_;                                      ///< buffer [3,9], with lit
+  torch::Tensor strength_, row_of_texel_;                       ///< parameter [1] and buffer int64 [T*T], with shadows
 };
 TORCH_MODULE(Gaussians);
 

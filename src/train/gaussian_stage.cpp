@@ -4,6 +4,7 @@
 
 #include "doppel/actor/draw.h"
 #include "doppel/losses/images.h"
+#include "doppel/losses/person_images.h"
 #include "doppel/losses/similarity.h"
 #include "doppel/train/image_sheet.h"
 #include "doppel/train/stage_table.h"
@@ -24,6 +25,7 @@ void describe_keys(const Keys& keys, GaussiansRunConfig& c) {
   keys("loss.silhouette", c.silhouette, at_least(0.0), "weight of the difference of alpha and mask");
   keys("loss.offset", c.offset, at_least(0.0), "weight of the offsets' length, in texels");
   keys("loss.scale", c.scale, at_least(0.0), "weight of standard deviations beyond `largest_scale`, in texels");
+  keys("loss.studio", c.studio, "compare over the empty studio, where the capture has it, and not over black");
   keys("loss.largest_scale", c.largest_scale, at_least(0.1), "texels");
   describe_keys(keys.section("train"), c.trainer);
 }
@@ -39,7 +41,8 @@ GaussianStage::GaussianStage(const Dataset& dataset, TrainedActor& actor, const 
       config_(config),
       space_(*actor.mesh, config.model.size),
       gaussians_(make_gaussians(actor, space_, config.model,
-                                at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed)))) {}
+                                at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed)))),
+      studio_(dataset) {}
 
 LossTerms GaussianStage::loss(const Batch& batch, StepContext& context) {
   Profile& profile = *context.profile;
@@ -61,11 +64,15 @@ LossTerms GaussianStage::loss(const Batch& batch, StepContext& context) {
   }
   ProfileScope scope(profile, "compare");
   const Tensor mask = batch.image_mask.to(torch::kFloat32), pixels = mask.sum().clamp_min(1.0);
-  const Tensor target = image_float(batch.image) * mask.unsqueeze(4);
+  const Tensor image = image_float(batch.image);
+  const PersonImages compared = config_.studio && studio_.exist()
+                                    ? person_over_studio(drawn.colour, drawn.alpha, image, mask, studio_.of(batch))
+                                    : person_over_black(drawn.colour, image, mask);
   const auto count = [mask] { return std::max(mask.sum().item<double>(), 1.0); };
-  return {{"photometric", 255.0 / 3.0 * (drawn.colour - target).abs().sum() / pixels, config_.photometric, count},
-          {"similarity", similarity_loss(drawn.colour, target), config_.similarity},
-          {"silhouette", (drawn.alpha - mask).abs().sum() / pixels, config_.silhouette, count},
+  return {{"photometric", 255.0 / 3.0 * (compared.drawn - compared.filmed).abs().sum() / pixels, config_.photometric,
+           count},
+          {"similarity", similarity_loss(compared.drawn, compared.filmed), config_.similarity},
+          {"silhouette", ((drawn.alpha - mask).abs() * compared.certain).sum() / pixels, config_.silhouette, count},
           {"offset", gaussians_->offset_length(), config_.offset, same_on_all_ranks},
           {"scale", gaussians_->excess_scale(config_.largest_scale), config_.scale, same_on_all_ranks}};
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "doppel/actor/trained_actor.h"
+#include "doppel/data/dataset/studio_crops.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/run_config.h"
 #include "doppel/train/trainer.h"
@@ -14,6 +15,7 @@ struct GaussiansRunConfig {
   GaussiansConfig model;
   double photometric = 1.0, similarity = 200.0, silhouette = 20.0, offset = 0.1, scale = 10.0;  ///< weights
   double largest_scale = 3.0;  ///< distances of texels, without a penalty
+  bool studio = true;          ///< compare over the empty studio, where the capture has it
   TrainerOptions trainer;
 
   static GaussiansRunConfig read(const ConfigDocument& document);
@@ -21,7 +23,9 @@ struct GaussiansRunConfig {
 void describe_keys(const Keys& keys, GaussiansRunConfig& config);
 
 /// Trains the Gaussians on the surface of an actor. They are drawn on the final geometry and compared with the images
-/// of the person over black.
+/// over the empty studio, up to two pixels beyond the mask. Pixels of the outline mix the colours of person and studio;
+/// over the studio, the Gaussians mix them too, and do not learn the studio's colour. Without images of the empty
+/// studio, drawing and person are compared over black.
 class GaussianStage : public CaptureStage {
  public:
   /// @param dataset, actor must outlive the stage
@@ -40,6 +44,7 @@ class GaussianStage : public CaptureStage {
   GaussiansRunConfig config_;
   TextureSpace space_;
   Gaussians gaussians_;
+  StudioCrops studio_;
 };
 
 }  // namespace doppel

@@ -82,6 +82,20 @@ TEST(Gaussians, TakeTheLightAtTheNormal) {
   EXPECT_TRUE(test::is_near(s.harmonics.squeeze(2) * 0.28209479 + 0.5, torch::full_like(s.positions, 0.375), 1e-5));
 }
 
+/// Three tenths of the light are taken from above.
+Occlusion some_occlusion(const Square& square) { return {torch::full({1, kSize * kSize}, 0.3), square.frames.normals}; }
+
+TEST(Gaussians, AreShadedByTheOcclusion) {
+  const Square square;
+  GaussiansConfig config = small_config(false);
+  config.lit = config.shadows = true;
+  Gaussians gaussians(config, square.texels, identity_lighting());
+  const auto colours = [&](const Occlusion& occlusion) {
+    return gaussians->forward(square.frames, std::nullopt, std::nullopt, {}, occlusion).harmonics * 0.28209479 + 0.5;
+  };
+  EXPECT_TRUE(test::is_near(colours(some_occlusion(square)), 0.7 * colours({}), 1e-5));
+}
+
 TEST(Gaussians, NetworkChangesAllParametersButTheRotations) {
   const Square square;
   Gaussians gaussians(small_config(true), square.texels, Tensor());
@@ -98,8 +112,11 @@ TEST(Gaussians, NetworkChangesAllParametersButTheRotations) {
 
 TEST(Gaussians, EveryParameterGetsAGradient) {
   const Square square;
-  Gaussians gaussians(small_config(true), square.texels, Tensor());
-  const Splats s = gaussians->forward(square.frames, some_maps(), at::detail::createCPUGenerator(1));
+  GaussiansConfig config = small_config(true);
+  config.lit = config.shadows = true;
+  Gaussians gaussians(config, square.texels, identity_lighting());
+  const Splats s =
+      gaussians->forward(square.frames, some_maps(), at::detail::createCPUGenerator(1), {}, some_occlusion(square));
   const Tensor camera = torch::tensor({40.0f, 0.0f, -16.0f, 32.0f, 0.0f, 0.0f, -56.0f, 32.0f, 0.0f, -1.0f, 0.0f, 2.0f});
   const SplatImage image = draw_splats(s, camera.view({1, 1, 3, 4}), 32, 32);
   ASSERT_GT(image.alpha.max().item<double>(), 0.5);

@@ -28,23 +28,25 @@ Tensor quaternions(const Tensor& x, const Tensor& y, const Tensor& z) {
   return unit(all.gather(-2, best).squeeze(-2));
 }
 
+Tensor at_corner(const Tensor& values, const TexelPoints& points, int k) {
+  return values.index_select(1, points.corners.select(1, k).contiguous());
+}
+
 }  // namespace
+
+Tensor at_points(const Tensor& values, const TexelPoints& points) {
+  const Tensor weights = points.weights.to(values.scalar_type());
+  Tensor sum = at_corner(values, points, 0) * weights.select(1, 0).unsqueeze(1);
+  for (int k = 1; k < 3; ++k) sum = sum + at_corner(values, points, k) * weights.select(1, k).unsqueeze(1);
+  return sum;
+}
 
 SurfaceFrames surface_frames(const Tensor& vertices, const RenderMesh& mesh, const TexelPoints& points) {
   check_shape("surface_frames", "vertices", vertices, {-1, mesh.num_vertices, 3}, "[B,N,3]");
-  const Tensor weights = points.weights.to(vertices.scalar_type());
-  const auto at_corner = [&](const Tensor& values, int k) {
-    return values.index_select(1, points.corners.select(1, k).contiguous());
-  };
-  const auto interpolated = [&](const Tensor& values) {
-    Tensor sum = at_corner(values, 0) * weights.select(1, 0).unsqueeze(1);
-    for (int k = 1; k < 3; ++k) sum = sum + at_corner(values, k) * weights.select(1, k).unsqueeze(1);
-    return sum;
-  };
-  const Tensor normal = unit(interpolated(vertex_normal_sums(vertices, mesh)));
-  const Tensor edge = at_corner(vertices, 1) - at_corner(vertices, 0);
+  const Tensor normal = unit(at_points(vertex_normal_sums(vertices, mesh), points));
+  const Tensor edge = at_corner(vertices, points, 1) - at_corner(vertices, points, 0);
   const Tensor tangent = unit(edge - normal * sum_of_products(normal, edge));
-  return {interpolated(vertices), quaternions(tangent, torch::cross(normal, tangent, -1), normal), normal};
+  return {at_points(vertices, points), quaternions(tangent, torch::cross(normal, tangent, -1), normal), normal};
 }
 
 Tensor quaternion_product(const Tensor& a, const Tensor& b) {

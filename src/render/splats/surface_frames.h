@@ -20,6 +20,9 @@ struct SurfaceFrames {
 /// @param vertices [B,N,3] world, metres
 SurfaceFrames surface_frames(const torch::Tensor& vertices, const RenderMesh& mesh, const TexelPoints& points);
 
+/// Values of the vertices at surface points, by barycentrics. @param values [B,N,K] @return [B,P,K]
+torch::Tensor at_points(const torch::Tensor& values, const TexelPoints& points);
+
 /// Products of quaternions w x y z. @param a, b [...,4] @return [...,4] a b: first b, then a
 torch::Tensor quaternion_product(const torch::Tensor& a, const torch::Tensor& b);
 /// Vectors turned by unit quaternions w x y z. @param rotations [...,4] @param vectors [...,3]

@@ -27,7 +27,7 @@ inline TrainedActor dressed_actor() {
   actor.texture_space = std::make_shared<TextureSpace>(*actor.mesh, config.size);
   GaussiansConfig gaussians;
   gaussians.size = 64;
-  gaussians.lit = true;
+  gaussians.lit = gaussians.shadows = gaussians.cull = true;
   gaussians.unet.width = 0.1;
   actor.splat_space = std::make_shared<TextureSpace>(*actor.mesh, gaussians.size);
   actor.gaussians = make_gaussians(actor, *actor.splat_space, gaussians, at::detail::createCPUGenerator(6));

@@ -10,6 +10,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/dataset/batch_builder.h"
+#include "doppel/data/dataset/studio_crops.h"
 #include "doppel/data/prepare/store_layout.h"
 #include "support/message_of.h"
 
@@ -344,6 +345,30 @@ TEST_F(BackgroundReference, TheImageOfEachCamera) {
   const Dataset dataset = Dataset::open(fixture_.out());
   for (int camera = 0; camera < 2; ++camera)
     EXPECT_EQ(cv::norm(dataset.background(camera), image_[camera], cv::NORM_INF), 0.0);
+}
+
+TEST_F(BackgroundReference, CropsShowTheSamePartAsTheImages) {
+  // Red is the column and green the row of the camera's image.
+  cv::Mat ramp(test_capture::kHeight, test_capture::kWidth, CV_8UC3);
+  for (int v = 0; v < ramp.rows; ++v)
+    for (int u = 0; u < ramp.cols; ++u)
+      ramp.at<cv::Vec3b>(v, u) = {7, cv::saturate_cast<uchar>(v), cv::saturate_cast<uchar>(u)};
+  write(1, ramp);
+  const Dataset dataset = Dataset::open(fixture_.out());
+  StudioCrops crops(dataset);
+  ASSERT_TRUE(crops.exist());
+  const SampleId sample{0, 1};
+  const Batch batch = make_batch(dataset, {sample}, {{0, 1}}, {2, true, 0});
+  const torch::Tensor found = 255 * crops.of(batch)[0][1];
+  const CropBox box = dataset.crop_box(sample, 1);
+  const auto side = found.size(0);
+  ASSERT_EQ(batch.image.size(2), side);
+  for (std::int64_t i = side / 4; i < side; i += side / 4) {
+    const double at = (static_cast<double>(i) + 0.5) * box.side / static_cast<double>(side) - 0.5;
+    EXPECT_NEAR(found[i][i][0].item<double>(), box.u0 + at, 1.0);
+    EXPECT_NEAR(found[i][i][1].item<double>(), box.v0 + at, 1.0);
+    EXPECT_EQ(found[i][i][2].item<double>(), 7.0);
+  }
 }
 
 TEST_F(LoaderReference, NoBackgroundWithoutImages) { EXPECT_TRUE(dataset_->background(0).empty()); }
