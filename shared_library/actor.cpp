@@ -4,6 +4,7 @@
 
 #include <ATen/Parallel.h>
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -58,10 +59,15 @@ void require_pose(const doppel_actor& actor, const char* what) {
   if (!actor.vertices.defined()) doppel::fail("{} of the actor {}: push a pose first", what, description(&actor).name);
 }
 
-/// The camera as a tensor [1,3,4]. @throws Error for a number that is not finite
+/// The camera as a tensor [1,3,4]. @throws Error for numbers that are not finite, and where three columns have no
+/// inverse
 const torch::Tensor& take_projection(doppel_actor& actor, const float projection[12]) {
-  if (std::any_of(projection, projection + 12, [](float value) { return !std::isfinite(value); }))
-    doppel::fail("the actor {} in a camera: a number of the projection is not finite", description(&actor).name);
+  const Eigen::Map<const Eigen::Matrix<float, 3, 4, Eigen::RowMajor>> rows(projection);
+  if (!rows.allFinite() || rows.leftCols<3>().cast<double>().fullPivLu().rank() < 3)
+    doppel::fail(
+        "the actor {} in a camera: the projection is not that of a camera; its twelve numbers must be finite, and its "
+        "first three columns must have an inverse",
+        description(&actor).name);
   std::memcpy(actor.projection.data_ptr<float>(), projection, 12 * sizeof(float));
   return actor.projection;
 }

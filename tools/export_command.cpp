@@ -14,7 +14,6 @@
 #include "doppel/actor/trained_actor.h"
 #include "doppel/actor/trained_pose.h"
 #include "doppel/core/error.h"
-#include "doppel/render/splats/splat_rows.h"
 #include "doppel/view/web_folder.h"
 
 namespace doppel::tools {
@@ -35,7 +34,7 @@ ActorDescription describe(const TrainedActor& trained) {
   description.frames_per_second = trained.frames_per_second;
   description.fingerprint = trained.character.fingerprint();
   if (trained.texnet) description.texture_size = trained.texnet->config().texture_size();
-  if (trained.gaussians) description.num_gaussians = static_cast<int>(trained.gaussians->points().texel.size(0));
+  if (trained.gaussians) description.num_gaussians = trained.gaussians->count();
   return description;
 }
 
@@ -72,7 +71,7 @@ void export_actor(const ExportArguments& arguments, const std::optional<std::fil
   if (trained.gaussians)
     functions.gaussians = [&](const torch::Tensor& window, const torch::Tensor& projection,
                               const torch::Tensor& vertices) {
-      return splat_rows(trained.splats(window, projection, vertices), projection);
+      return trained.gaussian_rows(window, projection, vertices);
     };
   if (arguments.format == "safetensors")
     write_actor_weights(out, trained.character, describe(trained), modules_of(trained));

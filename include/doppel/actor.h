@@ -60,19 +60,19 @@ DOPPEL_API const float* doppel_actor_vertices(const doppel_actor* actor);
 /** [vertices,3] of unit length, area-weighted; computed on demand. NULL: no pose was pushed. */
 DOPPEL_API const float* doppel_actor_normals(doppel_actor* actor);
 /** [size,size,3] RGB 0..1, row 0 at v = 1, for a camera: `projection` [3,4], row by row, pixels from world metres.
- * NULL: no pose was pushed, or the file has no dynamic texture. */
+ * NULL: no pose was pushed, the file has no dynamic texture, or the projection is not that of a camera. */
 DOPPEL_API const float* doppel_actor_texture(doppel_actor* actor, const float projection[12]);
 
 /** Gaussians on the surface. 0: the file has none. */
 DOPPEL_API int doppel_actor_num_gaussians(const doppel_actor* actor);
 /** [gaussians,14] as the camera `projection` sees them: centre x y z (world, metres), unit quaternion w x y z, standard
- * deviations along the rotated axes (metres), opacity 0..1, red green blue 0..1 as displayed. For hosts that draw
- * Gaussians themselves. Valid until the next call of this function or of doppel_actor_draw. NULL: no pose was pushed, or
- * the file has no Gaussians. */
+ * deviations along the rotated axes (metres), opacity 0..1, red green blue as displayed, 0 and more. For hosts that draw
+ * Gaussians themselves. Valid until the next call of this function or of doppel_actor_draw. NULL: no pose was pushed, the
+ * file has no Gaussians, or the projection is not that of a camera. */
 DOPPEL_API const float* doppel_actor_gaussians(doppel_actor* actor, const float projection[12]);
-/** Draws the Gaussians in a camera: [height,width,4] red, green, blue and alpha, 0..1, row 0 at the top. Colours are
- * already multiplied by alpha: over a background b, a pixel shows rgb + (1 - alpha) b. Valid until the next call.
- * NULL: no pose was pushed, the file has no Gaussians, or a side is not 1 to 16384 pixels. */
+/** Draws the Gaussians in a camera: [height,width,4] red, green, blue (0 and more; 1 is white) and alpha (0..1), row
+ * 0 at the top. Colours are already multiplied by alpha: over a background b, a pixel shows rgb + (1 - alpha) b. Valid
+ * until the next call of this function. NULL: as doppel_actor_gaussians, or a side is not 1 to 16384 pixels. */
 DOPPEL_API const float* doppel_actor_draw(doppel_actor* actor, const float projection[12], int width, int height);
 
 #ifdef __cplusplus

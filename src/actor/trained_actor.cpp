@@ -11,6 +11,7 @@
 #include "doppel/data/dataset/loader.h"
 #include "doppel/render/mesh/face_tensor.h"
 #include "doppel/render/projection.h"
+#include "doppel/render/splats/splat_rows.h"
 
 namespace doppel {
 
@@ -202,6 +203,11 @@ Splats TrainedActor::splats(const torch::Tensor& dof_window, const torch::Tensor
   return posed_splats(*this, gaussians, *splat_space, dof_window, projection, vertices);
 }
 
+torch::Tensor TrainedActor::gaussian_rows(const torch::Tensor& dof_window, const torch::Tensor& projection,
+                                          const torch::Tensor& vertices) {
+  return splat_rows(splats(dof_window, projection, vertices), projection);
+}
+
 std::string TrainedActor::digest() const {
   std::string text = fmt::format("egnet {:08x}", weights_checksum(*egnet));
   if (lighting) text += fmt::format(" lighting {:08x}", weights_checksum(*lighting));
@@ -238,12 +244,10 @@ TexNetInput texture_input(TrainedActor& actor, const TextureSpace& space, const 
 
 namespace {
 
-torch::Tensor unit(const torch::Tensor& vectors) { return vectors / vectors.norm(2, -1, true).clamp_min(1e-12); }
-
 /// How the limbs shade the texels of the Gaussians.
 Occlusion texel_occlusion(const TrainedActor& actor, const TexelPoints& points, const torch::Tensor& vertices) {
-  const Occlusion found = actor.body_spheres->at(vertices, unit(vertex_normal_sums(vertices, *actor.mesh)));
-  return {at_points(found.amount.unsqueeze(2), points).squeeze(2), unit(at_points(found.direction, points))};
+  const Occlusion found = actor.body_spheres->at(vertices, unit_vectors(vertex_normal_sums(vertices, *actor.mesh)));
+  return {at_points(found.amount.unsqueeze(2), points).squeeze(2), unit_vectors(at_points(found.direction, points))};
 }
 
 }  // namespace

@@ -114,6 +114,10 @@ struct TrainedActor {
   /// `fine(dof_window)`
   Splats splats(const torch::Tensor& dof_window, const torch::Tensor& projection, const torch::Tensor& vertices);
 
+  /// The same as rows of numbers, see splat_rows.h. @return [B,P,14]
+  torch::Tensor gaussian_rows(const torch::Tensor& dof_window, const torch::Tensor& projection,
+                              const torch::Tensor& vertices);
+
   /// A digest of the weights of EGNet, lighting and DeltaNet, as far as they are loaded. Stages that use these networks
   /// store it as part of their identity.
   std::string digest() const;

@@ -225,7 +225,7 @@ cv::Mat drawn_over(const cv::Mat& drawn, const cv::Mat& covered, const torch::Te
   return image_view(rounded).clone();
 }
 
-/// The pixels of a mask within kOutlinePixels of its edge. The border of the image is no edge.
+/// The pixels of a mask within kOutlinePixels of its outline. The border of the image is no outline.
 cv::Mat outline_of(const cv::Mat& mask) {
   constexpr int kSide = 2 * kOutlinePixels + 1;
   cv::Mat core;
@@ -430,7 +430,7 @@ nlohmann::ordered_json photometric_protocol(const Dataset& dataset, const Evalua
                   kWindow, kSigma);
   json["missing_MSE"] = "part of the masked MSE from pixels of the mask where nothing is drawn; the rest is colour";
   json["outline_MSE"] =
-      fmt::format("part of the masked MSE from pixels of the mask within {} pixels of its edge", kOutlinePixels);
+      fmt::format("part of the masked MSE from pixels of the mask within {} pixels of its outline", kOutlinePixels);
   json["foreground"] = "share of the true mask in the crop; MSE / foreground is the MSE of the person alone";
   json["sharpness"] = fmt::format(
       "energy of the drawing above {} cycles per pixel over that of the image, inside both the true mask and the "

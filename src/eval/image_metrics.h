@@ -78,7 +78,7 @@ struct PhotometricScores {
   /// The drawing as filmed, over its background, resized like the image; both black outside the mask of the capture.
   std::optional<ImageScores> filmed;
   double missing_MSE = 0.0;     ///< part of masked.MSE that comes from pixels of the mask where nothing is drawn
-  double outline_MSE = 0.0;     ///< part of masked.MSE that comes from pixels of the mask within 3 pixels of its edge
+  double outline_MSE = 0.0;     ///< part of masked.MSE that comes from pixels of the mask within 3 pixels of its outline
   double foreground = 0.0;      ///< share of the mask in the crop: masked.MSE / foreground is the MSE of the person
   double drawn_detail = 0.0;    ///< detail_energy (sharpness.h) of the drawing, inside both mask and drawing
   double filmed_detail = 0.0;   ///< the same of the image

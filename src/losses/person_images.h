@@ -17,7 +17,7 @@ PersonImages person_over_black(const torch::Tensor& colour, const torch::Tensor&
 
 /// The drawing over the empty studio and the image as filmed, up to two pixels beyond the mask. A pixel of the outline
 /// mixes the colours of person and studio, in the image and in this drawing; over black, the drawing would have to take
-/// the studio's colour. There, within a pixel of the edge of the mask, nothing is certain.
+/// the studio's colour. There, within a pixel of the outline, nothing is certain.
 /// @param alpha [B,C,H,W] 0..1 of the drawing @param studio [B,C,H,W,3] RGB 0..1
 PersonImages person_over_studio(const torch::Tensor& colour, const torch::Tensor& alpha, const torch::Tensor& image,
                                 const torch::Tensor& mask, const torch::Tensor& studio);

@@ -121,7 +121,10 @@ Tensor GaussiansImpl::changes(const TexNetInput& maps, const std::optional<at::G
                               const BatchShare& share, const Occlusion& occlusion) {
   const Tensor camera = config_.camera ? maps.camera : torch::zeros_like(maps.camera);
   Tensor surface = maps.normals;
-  if (config_.shadows) surface = torch::cat({surface, map_of(occlusion.amount)}, 1);
+  if (config_.shadows) {
+    const Tensor taken = occlusion.amount.defined() ? occlusion.amount : torch::zeros({surface.size(0), count()});
+    surface = torch::cat({surface, map_of(taken)}, 1);
+  }
   const Tensor raw = unet_->forward({surface, camera}, generator, share);
   return raw.flatten(2).index_select(2, points_.texel).transpose(1, 2);  // [B,P,10]
 }

@@ -70,6 +70,8 @@ class GaussiansImpl : public torch::nn::Module {
 
   const GaussiansConfig& config() const { return config_; }
   const TexelPoints& points() const { return points_; }
+  /// P, the number of Gaussians.
+  int count() const { return static_cast<int>(points_.texel.size(0)); }
 
  private:
   torch::Tensor changes(const TexNetInput& maps, const std::optional<at::Generator>& generator, const BatchShare& share,

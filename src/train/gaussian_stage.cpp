@@ -20,7 +20,7 @@ void describe_keys(const Keys& keys, GaussiansRunConfig& c) {
                fmt::format("found {}; a network that sees the camera draws for one camera, so only 1 is allowed",
                            c.loader.cameras_per_sample));
   keys("loss.photometric", c.photometric, at_least(0.0),
-       "weight of the colours' differences over black, levels of 255, per pixel of the mask");
+       "weight of the colours' differences, levels of 255, per pixel of the mask");
   keys("loss.similarity", c.similarity, at_least(0.0), "weight of 1 - SSIM");
   keys("loss.silhouette", c.silhouette, at_least(0.0), "weight of the difference of alpha and mask");
   keys("loss.offset", c.offset, at_least(0.0), "weight of the offsets' length, in texels");
@@ -42,7 +42,15 @@ GaussianStage::GaussianStage(const Dataset& dataset, TrainedActor& actor, const 
       space_(*actor.mesh, config.model.size),
       gaussians_(make_gaussians(actor, space_, config.model,
                                 at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed)))),
-      studio_(dataset) {}
+      studio_(dataset) {
+  if (!config.studio || !studio_.exist()) return;
+  try {
+    studio_.check();
+  } catch (const Error& error) {
+    fail("{}. Gaussians are compared over the empty studio; add the image, or set gaussians.loss.studio: false",
+         error.what());
+  }
+}
 
 LossTerms GaussianStage::loss(const Batch& batch, StepContext& context) {
   Profile& profile = *context.profile;

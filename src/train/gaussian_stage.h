@@ -29,7 +29,8 @@ void describe_keys(const Keys& keys, GaussiansRunConfig& config);
 class GaussianStage : public CaptureStage {
  public:
   /// @param dataset, actor must outlive the stage
-  /// @throws UsageError when the template has no UVs or no texture
+  /// @throws UsageError when the template has no UVs or no texture; Error when an image of the empty studio that the
+  /// capture names cannot be used
   GaussianStage(const Dataset& dataset, TrainedActor& actor, const GaussiansRunConfig& config);
 
   std::string name() const override { return "gaussians"; }

@@ -14,7 +14,6 @@
 #include "doppel/data/dataset/dataset.h"
 #include "doppel/io/motion_import/read_motion_file.h"
 #include "doppel/layers/surface.h"
-#include "doppel/render/splats/splat_rows.h"
 
 namespace doppel {
 namespace {
@@ -118,9 +117,9 @@ ViewSubject of_run(const fs::path& run, const ViewOptions& options) {
     subject.stages.push_back(gaussian_stage(
         finest,
         [trained](const auto& w, const auto& camera, const auto& surface) {
-          return splat_rows(trained->splats(w, camera, surface), camera);
+          return trained->gaussian_rows(w, camera, surface);
         },
-        static_cast<int>(trained->gaussians->points().texel.size(0))));
+        trained->gaussians->count()));
   take_motion(subject, trained->subject.open_dataset());
   return subject;
 }

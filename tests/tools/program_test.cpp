@@ -479,6 +479,23 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   EXPECT_GT(cv::norm(cv::imread(at("splats/turntable_000003.png")), from_run), 0.0);
   for (const char* name : {"splats_000003.ply", "splats_000003.glb", "splats_rig.glb"})
     EXPECT_GT(std::filesystem::file_size(at(std::string("splats/") + name)), 10000u) << name;
+  // The exported file draws and writes them too.
+  step("export --run " + at("gaussians") + " --out " + at("gaussians.pt"));
+  const std::string character = "--character " + character_file(at("capture/character"), ".character") + " ";
+  const std::string by_file = "animate " + character + "--motion " +
+                              at("capture/testing/skeletoolToGTPose/poseAngles.motion") +
+                              " --video-size 96 --format png,ply --renderer gaussians ";
+  step(by_file + "--model " + at("gaussians.pt") + " --out " + at("file_splats"));
+  EXPECT_LE(cv::norm(cv::imread(at("file_splats/turntable_000003.png")), cv::imread(at("splats/turntable_000003.png")),
+                     cv::NORM_INF),
+            2.0);
+  EXPECT_EQ(std::filesystem::file_size(at("file_splats/splats_000003.ply")),
+            std::filesystem::file_size(at("splats/splats_000003.ply")));
+  for (const std::string& model : {std::string(), "--model " + at("chain/actor.pt")}) {
+    const Outcome without = run(by_file + model + " --out " + at("none"));
+    EXPECT_EQ(without.code, 2);
+    EXPECT_THAT(without.err, HasSubstr("--renderer gaussians: "));
+  }
   const Outcome rig = run(play + "--model " + at("chain/actor.pt") + " --format splat-rig --out " + at("none"));
   EXPECT_EQ(rig.code, 2);
   EXPECT_THAT(rig.err, HasSubstr("give --run RUN"));

@@ -60,21 +60,24 @@ async function inBrowser(path, feeds) {
   return outputs;
 }
 
-// q and -q are the same rotation: the signs of the expected quaternions for every row [14] of Gaussians.
-function alignQuaternions(found, expected) {
-  for (let row = 0; row < found.length; row += 14) {
-    let dot = 0;
-    for (let k = row + 3; k < row + 7; ++k) dot += found[k] * expected[k];
-    if (dot < 0) for (let k = row + 3; k < row + 7; ++k) found[k] = -found[k];
+// Rows [14] of Gaussians as they are compared: q and -q are the same rotation, so every quaternion is multiplied by its
+// largest number; and metres by 10, so that the limit allows 0.1 mm.
+function comparable(values) {
+  const rows = Float32Array.from(values);
+  for (let row = 0; row < rows.length; row += 14) {
+    const q = rows.subarray(row + 3, row + 7), largest = q.reduce((a, b) => (Math.abs(b) > Math.abs(a) ? b : a));
+    q.forEach((value, k) => { q[k] = value * largest; });
+    for (const k of [0, 1, 2, 7, 8, 9]) rows[row + k] *= 10;
   }
+  return rows;
 }
 
 let good = true;
 for (const file of readdirSync(folder).filter((name) => name.endsWith('.onnx'))) {
   const path = join(folder, file), values = (name) => readNpy(path.replace(/onnx$/, `${name}.npy`));
-  for (const { name, shape, values: found } of await (in_browser ? inBrowser : inNode)(path, values)) {
-    const expected = values(name);
-    if (name === 'gaussians') alignQuaternions(found, expected.values);
+  for (const { name, shape, values: output } of await (in_browser ? inBrowser : inNode)(path, values)) {
+    const wanted = values(name), compared = name === 'gaussians' ? comparable : (numbers) => numbers;
+    const found = compared(output), expected = { shape: wanted.shape, values: compared(wanted.values) };
     let worst = expected.shape.join() === shape.join() ? 0 : Infinity;
     for (let i = 0; i < found.length; ++i) {
       const off = Math.abs(found[i] - expected.values[i]);

@@ -71,6 +71,8 @@ ActorFile ActorFile::load(const std::filesystem::path& path) {
   } catch (const nlohmann::json::exception& e) {
     fail_metadata(path, ScriptKind::actor, e);
   }
+  if (actor.description_.num_gaussians > 0 && !file.module.find_method("gaussians"))
+    fail_at({path.string()}, "its metadata.json names Gaussians that the file does not hold; export the run again");
   actor.topology_ = topology_of(file, path, actor.description_.num_vertices);
   actor.file_ = std::move(file);
   return actor;

@@ -28,7 +28,7 @@ nlohmann::ordered_json actor_metadata(const Character& character, const ActorDes
         {"method", "gaussians(window, projection [batch, 3, 4], vertices [batch, vertices, 3]) -> rows"},
         {"output",
          "[batch, count, 14]: centre x y z in metres, unit quaternion w x y z, standard deviations along the rotated "
-         "axes in metres, opacity 0..1, RGB 0..1 as displayed"}};
+         "axes in metres, opacity 0..1, RGB as displayed, 0 and more"}};
   return json;
 }
 

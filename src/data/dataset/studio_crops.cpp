@@ -16,17 +16,20 @@ cv::Mat background_crop(const cv::Mat& studio, const CropBox& box, int pixels) {
   return result;
 }
 
-const cv::Mat& StudioCrops::studio(int camera) {
+cv::Mat StudioCrops::studio(int camera) {
   const auto known = studios_.find(camera);
   if (known != studios_.end()) return known->second;
   cv::Mat image = dataset_.background(camera);
   const std::size_t bytes = image.total() * image.elemSize();
-  if (bytes_ + bytes > kMaxBytes) {
-    studios_.clear();
-    bytes_ = 0;
+  if (bytes_ + bytes <= kMaxBytes) {
+    bytes_ += bytes;
+    studios_[camera] = image;
   }
-  bytes_ += bytes;
-  return studios_[camera] = image;
+  return image;
+}
+
+void StudioCrops::check() {
+  for (int camera = 0; camera < static_cast<int>(dataset_.cameras().size()); ++camera) studio(camera);
 }
 
 torch::Tensor StudioCrops::of(const Batch& batch) {

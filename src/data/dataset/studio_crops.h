@@ -14,7 +14,8 @@ namespace doppel {
 /// @param studio BGR, see Dataset::background
 cv::Mat background_crop(const cv::Mat& studio, const CropBox& box, int pixels);
 
-/// The empty studio in the crops of batches. Keeps the images of cameras that it has read, up to 1 GB.
+/// The empty studio in the crops of batches. Keeps the images of cameras that it has read, as many as fit into 1 GB;
+/// others are read for each crop.
 class StudioCrops {
  public:
   /// @param dataset must outlive this object
@@ -22,12 +23,14 @@ class StudioCrops {
 
   /// Whether the capture has images of the empty studio.
   bool exist() const { return !dataset_.capture().background.empty(); }
+  /// Reads the images of all cameras once. @throws Error as Dataset::background, for the first that cannot be used
+  void check();
   /// @pre `exist` and the batch has images @return float32 [B,C,I,I,3] RGB 0..1, the crops of Batch::image
   /// @throws Error as Dataset::background
   torch::Tensor of(const Batch& batch);
 
  private:
-  const cv::Mat& studio(int camera);
+  cv::Mat studio(int camera);
 
   const Dataset& dataset_;
   std::map<int, cv::Mat> studios_;  ///< by camera

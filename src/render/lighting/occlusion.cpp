@@ -6,6 +6,7 @@
 
 #include "doppel/core/tensor/checks.h"
 #include "doppel/render/lighting/sh_lighting.h"
+#include "doppel/render/splats/surface_frames.h"
 
 namespace doppel {
 namespace {
@@ -16,7 +17,6 @@ constexpr std::int64_t kMinVertices = 4;  // of a slice: fewer have no centre in
 constexpr double kMinRadius = 0.02;       // metres; fingers shade too little
 constexpr double kMaxAmount = 0.9;
 constexpr double kMinLight = 0.1;
-constexpr double kTiny = 1e-12;
 
 /// A slice of a part of the body.
 struct LimbSlice {
@@ -33,7 +33,7 @@ std::vector<LimbSlice> slices_of(const Tensor& positions, const Tensor& index) {
                radius = std::max(away.mean().item<double>(), 1e-3);
   const auto count = std::max<std::int64_t>(1, std::lround(length / (2 * radius)));
   const Tensor slice =
-      ((along - low) * (static_cast<double>(count) / std::max(length, kTiny))).to(torch::kInt64).clamp(0, count - 1);
+      ((along - low) * (static_cast<double>(count) / std::max(length, 1e-9))).to(torch::kInt64).clamp(0, count - 1);
   std::vector<LimbSlice> slices;
   for (std::int64_t k = 0; k < count; ++k) {
     const Tensor members = (slice == k).nonzero().squeeze(1);
@@ -80,7 +80,7 @@ Occlusion BodySpheres::at(const Tensor& vertices, const Tensor& normals) const {
   const Tensor inverse = squared.maximum(radius_.square()).rsqrt();
   const Tensor share = facing.clamp_min(0.0) * weight_ * inverse * (inverse * inverse), weight = share * inverse;
   const Tensor mean = torch::matmul(weight, c) - weight.sum(2, true) * x;
-  return {share.sum(2).clamp_max(kMaxAmount), mean / mean.norm(2, 2, true).clamp_min(kTiny)};
+  return {share.sum(2).clamp_max(kMaxAmount), unit_vectors(mean)};
 }
 
 Tensor shaded_light(const Tensor& normals, const Occlusion& occlusion, const Tensor& lighting, const Tensor& strength) {

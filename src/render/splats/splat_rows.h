@@ -16,8 +16,9 @@ inline constexpr std::int64_t kSplatColumns = 14;
 /// @return [B,N,14] @throws UsageError for wrong shapes or types
 torch::Tensor splat_rows(const Splats& splats, const torch::Tensor& projection);
 
-/// The Gaussians of rows, for `draw_splats`: the reverse of `splat_rows`, of degree 0. An opacity becomes at most
-/// 1 - 1e-6, a standard deviation at least 1e-12 m. @param rows [B,N,14] @throws UsageError for another shape or type
+/// The Gaussians of rows, for `draw_splats`: the reverse of `splat_rows`, of degree 0. An opacity becomes 1e-6
+/// to 1 - 1e-6, so that its logit is finite; a standard deviation becomes at least 1e-12 m. @param rows [B,N,14]
+/// @throws UsageError for another shape or type
 Splats splats_of_rows(const torch::Tensor& rows);
 
 }  // namespace doppel

@@ -7,10 +7,7 @@ namespace {
 
 using torch::Tensor;
 
-constexpr double kTiny = 1e-12;  // metres
-
 Tensor sum_of_products(const Tensor& a, const Tensor& b) { return (a * b).sum(-1, true); }
-Tensor unit(const Tensor& v) { return v / v.norm(2, -1, true).clamp_min(kTiny); }
 
 /// Unit quaternions of rotation matrices with the columns x, y, z [...,3]: of four formulas, the one whose divisor is
 /// the largest.
@@ -25,7 +22,7 @@ Tensor quaternions(const Tensor& x, const Tensor& y, const Tensor& z) {
        torch::stack({b, ab, four.select(-1, 2), bc}, -1), torch::stack({c, ac, bc, four.select(-1, 3)}, -1)},
       -2);  // [...,4,4], each row is the quaternion times a divisor
   const Tensor best = four.argmax(-1, true).unsqueeze(-1).expand_as(all.narrow(-2, 0, 1));
-  return unit(all.gather(-2, best).squeeze(-2));
+  return unit_vectors(all.gather(-2, best).squeeze(-2));
 }
 
 Tensor at_corner(const Tensor& values, const TexelPoints& points, int k) {
@@ -33,6 +30,8 @@ Tensor at_corner(const Tensor& values, const TexelPoints& points, int k) {
 }
 
 }  // namespace
+
+Tensor unit_vectors(const Tensor& vectors) { return vectors / vectors.norm(2, -1, true).clamp_min(1e-12); }
 
 Tensor at_points(const Tensor& values, const TexelPoints& points) {
   const Tensor weights = points.weights.to(values.scalar_type());
@@ -43,9 +42,9 @@ Tensor at_points(const Tensor& values, const TexelPoints& points) {
 
 SurfaceFrames surface_frames(const Tensor& vertices, const RenderMesh& mesh, const TexelPoints& points) {
   check_shape("surface_frames", "vertices", vertices, {-1, mesh.num_vertices, 3}, "[B,N,3]");
-  const Tensor normal = unit(at_points(vertex_normal_sums(vertices, mesh), points));
+  const Tensor normal = unit_vectors(at_points(vertex_normal_sums(vertices, mesh), points));
   const Tensor edge = at_corner(vertices, points, 1) - at_corner(vertices, points, 0);
-  const Tensor tangent = unit(edge - normal * sum_of_products(normal, edge));
+  const Tensor tangent = unit_vectors(edge - normal * sum_of_products(normal, edge));
   return {at_points(vertices, points), quaternions(tangent, torch::cross(normal, tangent, -1), normal), normal};
 }
 

@@ -20,6 +20,8 @@ struct SurfaceFrames {
 /// @param vertices [B,N,3] world, metres
 SurfaceFrames surface_frames(const torch::Tensor& vertices, const RenderMesh& mesh, const TexelPoints& points);
 
+/// Vectors of length 1; those shorter than 1e-12 become shorter than 1. @param vectors [...,K]
+torch::Tensor unit_vectors(const torch::Tensor& vectors);
 /// Values of the vertices at surface points, by barycentrics. @param values [B,N,K] @return [B,P,K]
 torch::Tensor at_points(const torch::Tensor& values, const TexelPoints& points);
 

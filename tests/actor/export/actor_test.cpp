@@ -149,15 +149,14 @@ TEST(ActorFileAgrees, WithThePythonAndTheCppHost) {
 
 /// An actor file with all functions of a dressed actor.
 void write_dressed(TrainedActor& actor, const std::filesystem::path& path) {
-  write_actor(
-      path, actor.character, support::description_of(actor),
-      {[&](const torch::Tensor& window) { return actor.fine(window); },
-       [&](const auto& window, const auto& p, const auto& v) { return actor.texture(window, p, v); },
-       [&](const auto& window, const auto& p, const auto& v) { return splat_rows(actor.splats(window, p, v), p); }},
-      {{"egnet", actor.egnet.get()},
-       {"deltanet", actor.deltanet.get()},
-       {"texnet", actor.texnet.get()},
-       {"surface_gaussians", actor.gaussians.get()}});
+  write_actor(path, actor.character, support::description_of(actor),
+              {[&](const torch::Tensor& window) { return actor.fine(window); },
+               [&](const auto& window, const auto& p, const auto& v) { return actor.texture(window, p, v); },
+               [&](const auto& window, const auto& p, const auto& v) { return actor.gaussian_rows(window, p, v); }},
+              {{"egnet", actor.egnet.get()},
+               {"deltanet", actor.deltanet.get()},
+               {"texnet", actor.texnet.get()},
+               {"surface_gaussians", actor.gaussians.get()}});
 }
 
 /// Runs a host of the C API on an actor and a motion. @return the vertices that it wrote
@@ -191,6 +190,13 @@ TEST(ActorHostBehaves, NormalsWindowErrorsAndMemory) {
   const TemporaryFolder folder;
   Actor actor;
   actor.write(folder / "actor.pt");
+  EXPECT_EQ(std::system((std::string(HOST_CHECK) + " '" + (folder / "actor.pt").string() + "'").c_str()), 0);
+}
+
+TEST(ActorHostBehaves, WithGaussians) {
+  const TemporaryFolder folder;
+  TrainedActor actor = support::dressed_actor();
+  write_dressed(actor, folder / "actor.pt");
   EXPECT_EQ(std::system((std::string(HOST_CHECK) + " '" + (folder / "actor.pt").string() + "'").c_str()), 0);
 }
 
@@ -276,7 +282,7 @@ TEST(ActorFileAgrees, GaussiansOfAWholeActorAndTheirDrawingByTheCApi) {
   const torch::Tensor vertices = file.forward(window);
   const torch::Tensor camera = facing_camera(vertices, 512), cameras = camera.repeat({2, 1, 1});
   const torch::Tensor rows = file.gaussians(window, cameras, vertices),
-                      expected = splat_rows(actor.splats(window, cameras, actor.fine(window)), cameras);
+                      expected = actor.gaussian_rows(window, cameras, actor.fine(window));
   ASSERT_EQ(rows.size(1), file.description().num_gaussians);
   EXPECT_LT((comparable_gaussians(rows) - comparable_gaussians(expected)).abs().max().item<float>(), 1e-3f);
   EXPECT_THROW(file.gaussians(window, camera, vertices), Error);

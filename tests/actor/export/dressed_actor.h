@@ -52,7 +52,7 @@ inline ActorDescription description_of(const TrainedActor& actor) {
   for (const Dof& dof : actor.character.skeleton.dofs) description.dof_names.push_back(dof.name);
   description.num_vertices = actor.character.num_vertices();
   description.texture_size = static_cast<int>(actor.texnet->config().texture_size());
-  description.num_gaussians = static_cast<int>(actor.gaussians->points().texel.size(0));
+  description.num_gaussians = actor.gaussians->count();
   return description;
 }
 

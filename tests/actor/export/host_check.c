@@ -57,10 +57,44 @@ static void check_memory(doppel_actor* actor, float* pose) {
   assert(after.bytes - before.bytes < 8 * frames);
 }
 
+/* What an actor with Gaussians answers. */
+static void check_gaussians(doppel_actor* actor) {
+  const float camera[12] = {500, 0, -256, 900, 0, -500, -256, 900, 0, 0, -1, 3};
+  float broken[12];
+  memcpy(broken, camera, sizeof camera);
+  broken[3] = NAN;
+  const float zeros[12] = {0};
+  float* pose = calloc((size_t)doppel_actor_num_dofs(actor), sizeof(float));
+  assert(!doppel_actor_gaussians(actor, camera) && strstr(doppel_last_error(), "push a pose"));
+  assert(!doppel_actor_draw(actor, camera, 16, 16) && strstr(doppel_last_error(), "push a pose"));
+  assert(doppel_actor_push_pose(actor, pose, doppel_actor_num_dofs(actor)) == 0);
+  for (const float* wrong = broken; wrong; wrong = wrong == broken ? zeros : NULL) {
+    assert(!doppel_actor_gaussians(actor, wrong) && strstr(doppel_last_error(), "not that of a camera"));
+    assert(!doppel_actor_texture(actor, wrong) && strstr(doppel_last_error(), "not that of a camera"));
+  }
+  const int sides[] = {0, -1, 16385};
+  for (int i = 0; i < 3; ++i) {
+    assert(!doppel_actor_draw(actor, camera, sides[i], 16) && strstr(doppel_last_error(), "16384"));
+    assert(!doppel_actor_draw(actor, camera, 16, sides[i]) && strstr(doppel_last_error(), "16384"));
+  }
+  const float* rows = doppel_actor_gaussians(actor, camera);
+  assert(rows);
+  for (int i = 0; i < 14 * doppel_actor_num_gaussians(actor); ++i) assert(isfinite(rows[i]));
+  const float* image = doppel_actor_draw(actor, camera, 24, 16);
+  assert(image);
+  for (int i = 3; i < 4 * 24 * 16; i += 4) assert(image[i] >= 0 && image[i] <= 1);
+  free(pose);
+}
+
 int main(int argc, char** argv) {
   assert(argc == 2);
   assert(!doppel_actor_open("/no/such/actor.pt") && strstr(doppel_last_error(), "/no/such/actor.pt"));
   doppel_actor* actor = doppel_actor_open(argv[1]);
+  if (actor && doppel_actor_num_gaussians(actor) > 0) {
+    check_gaussians(actor);
+    doppel_actor_close(actor);
+    return 0;
+  }
   assert(actor && doppel_actor_window(actor) == 3 && doppel_actor_texture_size(actor) == 0);
   const int num_dofs = doppel_actor_num_dofs(actor);
   const size_t size = 3 * sizeof(float) * (size_t)doppel_actor_num_vertices(actor);
@@ -73,7 +107,7 @@ int main(int argc, char** argv) {
   assert(doppel_actor_push_pose(actor, pose, num_dofs) == 0);
   memcpy(first, doppel_actor_vertices(actor), size);
   check_normals(actor);
-  const float projection[12] = {0};
+  const float projection[12] = {500, 0, -256, 900, 0, -500, -256, 900, 0, 0, -1, 3};
   assert(!doppel_actor_texture(actor, projection) && strstr(doppel_last_error(), "no dynamic texture"));
   assert(doppel_actor_num_gaussians(actor) == 0);
   assert(!doppel_actor_draw(actor, projection, 8, 8) && strstr(doppel_last_error(), "holds none"));

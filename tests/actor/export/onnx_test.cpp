@@ -7,7 +7,6 @@
 #include "doppel/actor/export/onnx_file.h"
 #include "doppel/actor/export/pose_trace.h"
 #include "doppel/core/npy.h"
-#include "doppel/render/splats/splat_rows.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::onnx_test {
@@ -39,7 +38,7 @@ void write_dressed(const TemporaryFolder& folder) {
     return actor.texture(window, p, v);
   };
   const LookFunction gaussians = [&](const Tensor& window, const Tensor& p, const Tensor& v) {
-    return splat_rows(actor.splats(window, p, v), p);
+    return actor.gaussian_rows(window, p, v);
   };
   const ScriptModules modules{{"egnet", actor.egnet.get()},
                               {"deltanet", actor.deltanet.get()},
