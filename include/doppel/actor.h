@@ -1,8 +1,9 @@
 /** @file
  * A streaming host for exported actors, in C. Link libdoppel.so.
  *
- * An actor is a file of `doppel export` on a run of egnet or ddc. Push one pose a frame; then ask for vertices, normals,
- * the dynamic texture, or a drawing of the actor. The actor keeps the window of past poses that its networks need.
+ * An actor is a file of `doppel export` on a run of egnet or ddc. Push one pose a frame; then ask for vertices,
+ * normals, the dynamic texture, or a drawing of the actor. The actor keeps the window of past poses that its networks
+ * need.
  *
  * Units are metres, the world is right-handed with y up. An actor is used by one thread at a time; several actors may
  * be used by several threads. Arrays belong to the actor. Those of a pose are valid until the next push, reset or
@@ -66,9 +67,9 @@ DOPPEL_API const float* doppel_actor_texture(doppel_actor* actor, const float pr
 /** Gaussians on the surface. 0: the file has none. */
 DOPPEL_API int doppel_actor_num_gaussians(const doppel_actor* actor);
 /** [gaussians,14] as the camera `projection` sees them: centre x y z (world, metres), unit quaternion w x y z, standard
- * deviations along the rotated axes (metres), opacity 0..1, red green blue as displayed, 0 and more. For hosts that draw
- * Gaussians themselves. Valid until the next call of this function or of doppel_actor_draw. NULL: no pose was pushed, the
- * file has no Gaussians, or the projection is not that of a camera. */
+ * deviations along the rotated axes (metres), opacity 0..1, red green blue as displayed, 0 and more. For hosts that
+ * draw Gaussians themselves. Valid until the next call of this function or of doppel_actor_draw. NULL: no pose was
+ * pushed, the file has no Gaussians, or the projection is not that of a camera. */
 DOPPEL_API const float* doppel_actor_gaussians(doppel_actor* actor, const float projection[12]);
 /** Draws the Gaussians in a camera: [height,width,4] red, green, blue (0 and more; 1 is white) and alpha (0..1), row
  * 0 at the top. Colours are already multiplied by alpha: over a background b, a pixel shows rgb + (1 - alpha) b. Valid

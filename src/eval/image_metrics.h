@@ -77,11 +77,11 @@ struct PhotometricScores {
   ImageScores full;    ///< the drawing over its background, against the image as filmed
   /// The drawing as filmed, over its background, resized like the image; both black outside the mask of the capture.
   std::optional<ImageScores> filmed;
-  double missing_MSE = 0.0;     ///< part of masked.MSE that comes from pixels of the mask where nothing is drawn
-  double outline_MSE = 0.0;     ///< part of masked.MSE that comes from pixels of the mask within 3 pixels of its outline
-  double foreground = 0.0;      ///< share of the mask in the crop: masked.MSE / foreground is the MSE of the person
-  double drawn_detail = 0.0;    ///< detail_energy (sharpness.h) of the drawing, inside both mask and drawing
-  double filmed_detail = 0.0;   ///< the same of the image
+  double missing_MSE = 0.0;    ///< part of masked.MSE that comes from pixels of the mask where nothing is drawn
+  double outline_MSE = 0.0;    ///< part of masked.MSE that comes from pixels of the mask within 3 pixels of its outline
+  double foreground = 0.0;     ///< share of the mask in the crop: masked.MSE / foreground is the MSE of the person
+  double drawn_detail = 0.0;   ///< detail_energy (sharpness.h) of the drawing, inside both mask and drawing
+  double filmed_detail = 0.0;  ///< the same of the image
   std::optional<double> LPIPS;  ///< with EvaluationOptions::lpips: of the images of `masked`
   // With EvaluationOptions::whole_frames, of the whole image at the camera's resolution, without lens distortion:
   std::optional<ImageScores> whole;       ///< both images black outside the mask of the capture
