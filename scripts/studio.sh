@@ -51,13 +51,15 @@ all_done
     echo "| \`$method\` | {ddc-@.test.$trained.json $method MSE 1} |"
   done
   echo
-  echo "| motion | cameras | | MSE | SSIM | MSE as filmed |"
-  echo "|---|---|---|---:|---:|---:|"
+  echo "| motion | cameras | | MSE | SSIM | MSE as filmed | SSIM as filmed | outline_MSE |"
+  echo "|---|---|---|---:|---:|---:|---:|---:|"
   for split in train test; do
     for cameras in $trained $new; do
       file=ddc-@.$split.$cameras.json
       for method in texnet gaussians; do
-        echo "| $split | $cameras | \`$method\` | {$file $method MSE 1} | {$file $method SSIM 4} | {$file $method filmed MSE 1} |"
+        scores="{$file $method MSE 1} | {$file $method SSIM 4}"
+        filmed="{$file $method filmed MSE 1} | {$file $method filmed SSIM 4} | {$file $method outline_MSE 1}"
+        echo "| $split | $cameras | \`$method\` | $scores | $filmed |"
       done
     done
   done

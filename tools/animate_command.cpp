@@ -219,11 +219,9 @@ ActorFile load_model(const std::string& path) {
   return ActorFile::load(path);
 }
 
-/// Checks that a file or a run has what the renderer draws. @throws UsageError without
+/// Checks that a file has the Gaussians that are to be drawn. @throws UsageError without
 void check_renderer(const AnimateOptions& options, const std::optional<ActorFile>& file) {
-  if (options.renderer == "mesh" || !options.run.empty()) return;
-  if (options.renderer == "radiance")
-    fail<UsageError>("--renderer radiance: only a run has a radiance field; give --run RUN");
+  if (options.renderer != "gaussians") return;
   if (!file)
     fail<UsageError>("--renderer gaussians: a character alone has none; give --run RUN, or --model FILE of such a run");
   if (file->description().num_gaussians == 0)
@@ -307,6 +305,8 @@ Performer make_performer(const AnimateOptions& options) {
     performer.character = performer.trained->character;
     return performer;
   }
+  if (options.renderer == "radiance")
+    fail<UsageError>("--renderer radiance requires --run RUN: only a run has a radiance field");
   if (options.character.empty())
     fail<UsageError>("the actor is missing: give --character FILE, perhaps with --model, or --run RUN");
   CharacterOptions character_options;
