@@ -24,7 +24,7 @@ done
 ffmpeg -v error -y -i "$folder/capture/testing/videos/stream00$camera.mp4" -vf "select=eq(n\,$frame)" -frames:v 1 \
   "$folder/film.png"
 # Columns: film, mesh, Gaussians. Rows: the person, then the three parts, enlarged.
-parts=("${PARTS:-150x330+180+90}" "${HAIR:-50x40+225+95}" "${HEM:-50x40+225+225}" "${HAND:-50x40+195+215}")
+parts=("${PARTS:-232x290+72+70}" "${HAIR:-58x48+166+78}" "${HEM:-58x48+118+232}" "${HAND:-58x48+250+152}")
 for image in film mesh gaussians; do
   for i in 0 1 2 3; do
     convert "$folder/$image.png" -crop "${parts[$i]}" +repage -resize 300x "$folder/$image-$i.png"

@@ -54,6 +54,7 @@ class AnimationWriter {
   int times_of(const std::vector<int>& keys) {
     if (const auto found = times_.find(keys); found != times_.end()) return found->second;
     std::vector<float> seconds;
+    seconds.reserve(keys.size());
     for (const int key : keys) seconds.push_back(static_cast<float>(key / frames_per_second_));
     return times_[keys] = buffer_.floats(seconds, 1, true);
   }
