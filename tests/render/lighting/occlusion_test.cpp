@@ -116,6 +116,16 @@ TEST(BodySpheresReference, AStraightLimbDoesNotShadeItself) {
   EXPECT_EQ(found.amount.narrow(1, 0, scene.point).max().item<double>(), 0.0);
 }
 
+TEST(BodySpheresReference, PartsTooSmallForASphereShadeNothing) {
+  const Tensor vertices = torch::rand({9, 3}, at::detail::createCPUGenerator(2)),
+               parts = torch::arange(9, torch::kInt64).div(3, "floor") * 2;  // of three vertices; 1 and 3 have none
+  const BodySpheres spheres(vertices, parts);
+  EXPECT_EQ(spheres.size(), 0);
+  const Occlusion found = spheres.at(vertices.unsqueeze(0), kUp.expand({1, 9, 3}));
+  EXPECT_TRUE(torch::equal(found.amount, torch::zeros({1, 9})));
+  EXPECT_TRUE(torch::equal(found.direction, torch::zeros({1, 9, 3})));
+}
+
 TEST(ShadedLightReference, UniformLightLosesTheAmount) {
   const Tensor random = torch::randn({1, 50, 3}, at::detail::createCPUGenerator(1)),
                normals = random / random.norm(2, 2, true);
