@@ -244,9 +244,10 @@ TexNetInput texture_input(TrainedActor& actor, const TextureSpace& space, const 
 
 namespace {
 
-/// How the limbs shade the texels of the Gaussians.
-Occlusion texel_occlusion(const TrainedActor& actor, const TexelPoints& points, const torch::Tensor& vertices) {
-  const Occlusion found = actor.body_spheres->at(vertices, unit_vectors(vertex_normal_sums(vertices, *actor.mesh)));
+/// How the limbs shade the texels of the Gaussians. @param normal_sums [B,N,3] of the vertices
+Occlusion texel_occlusion(const BodySpheres& spheres, const TexelPoints& points, const torch::Tensor& vertices,
+                          const torch::Tensor& normal_sums) {
+  const Occlusion found = spheres.at(vertices, unit_vectors(normal_sums));
   return {at_points(found.amount.unsqueeze(2), points).squeeze(2), unit_vectors(at_points(found.direction, points))};
 }
 
@@ -261,8 +262,9 @@ Splats posed_splats(TrainedActor& actor, Gaussians& gaussians, const TextureSpac
   {
     const torch::NoGradGuard no_grad;
     const GaussiansConfig& config = gaussians->config();
-    frames = surface_frames(vertices, *actor.mesh, gaussians->points());
-    if (config.shadows) occlusion = texel_occlusion(actor, gaussians->points(), vertices);
+    const torch::Tensor normal_sums = vertex_normal_sums(vertices, *actor.mesh);
+    frames = surface_frames(vertices, normal_sums, gaussians->points());
+    if (config.shadows) occlusion = texel_occlusion(*actor.body_spheres, gaussians->points(), vertices, normal_sums);
     if (config.network) maps = texture_input(actor, space, config.maps(), dof_window, projection, vertices);
   }
   return gaussians->forward(frames, maps, generator, share, occlusion);

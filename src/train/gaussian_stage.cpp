@@ -45,7 +45,7 @@ GaussianStage::GaussianStage(const Dataset& dataset, TrainedActor& actor, const 
       studio_(dataset) {
   if (!config.studio || !studio_.exist()) return;
   try {
-    studio_.check();
+    studio_.check(dataset.camera_indices(config.loader.cameras));
   } catch (const Error& error) {
     fail("{}. Gaussians are compared over the empty studio; add the image, or set gaussians.loss.studio: false",
          error.what());

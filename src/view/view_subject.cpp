@@ -26,10 +26,16 @@ ViewStage skinning_stage(const Character& character) {
           }};
 }
 
+/// A stage with the vertices of `geometry`.
+ViewStage on_geometry(const char* name, const ViewStage& geometry) {
+  ViewStage stage{name, geometry.past_frames, geometry.vertices};
+  stage.geometry = geometry.name;
+  return stage;
+}
+
 /// A stage with the vertices of `geometry` and a dynamic texture.
 ViewStage textured_stage(const ViewStage& geometry, LookFunction texture, int size) {
-  ViewStage stage{"textured", geometry.past_frames, geometry.vertices};
-  stage.geometry = geometry.name;
+  ViewStage stage = on_geometry("textured", geometry);
   stage.texture = std::move(texture);
   stage.texture_size = size;
   return stage;
@@ -37,8 +43,7 @@ ViewStage textured_stage(const ViewStage& geometry, LookFunction texture, int si
 
 /// A stage with the vertices of `geometry`, drawn as Gaussians.
 ViewStage gaussian_stage(const ViewStage& geometry, LookFunction gaussians, int count) {
-  ViewStage stage{"gaussians", geometry.past_frames, geometry.vertices};
-  stage.geometry = geometry.name;
+  ViewStage stage = on_geometry("gaussians", geometry);
   stage.gaussians = std::move(gaussians);
   stage.num_gaussians = count;
   return stage;

@@ -43,15 +43,9 @@ std::string geometry_model(const ViewStage& stage, const ActorDescription& sizes
 /// The stage's texture or Gaussians. @param output their name @param compared as ScriptFileWriter::check
 std::string look_model(const ViewStage& stage, const LookFunction& look, const char* output,
                        const ActorDescription& sizes, const ScriptFileWriter::Compared& compared = nullptr) {
-  const auto function = [&](const Stack& inputs) -> Stack {
-    return {look(inputs.at(0).toTensor(), inputs.at(1).toTensor(), inputs.at(2).toTensor())};
-  };
-  const auto sample = [&](int batch, std::uint64_t seed) -> Stack {
-    const torch::Tensor window = random_windows(sizes, batch, seed);
-    return {window, random_projections(batch, seed), stage.vertices(window)};
-  };
-  return traced_model(function, sample, {{"window", "projection", "vertices"}, {output}}, kTraceColourTolerance,
-                      compared);
+  const auto sample = [&](int batch, std::uint64_t seed) { return look_inputs(sizes, stage.vertices, batch, seed); };
+  return traced_model(look_method(look), sample, {{"window", "projection", "vertices"}, {output}},
+                      kTraceColourTolerance, compared);
 }
 
 std::string stage_model(const ViewStage& stage, const ActorDescription& sizes) {

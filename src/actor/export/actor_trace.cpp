@@ -25,15 +25,9 @@ void add_textured(ScriptFileWriter& file, const ActorDescription& description, c
 void add_look(ScriptFileWriter& file, const char* name, const ActorDescription& description,
               const ActorFunction& geometry, const LookFunction& look,
               const ScriptFileWriter::Compared& compared = nullptr) {
-  const auto function = [&](const Stack& inputs) -> Stack {
-    return {look(inputs.at(0).toTensor(), inputs.at(1).toTensor(), inputs.at(2).toTensor())};
-  };
-  const auto inputs = [&](int batch, std::uint64_t seed) -> Stack {
-    const torch::Tensor window = random_windows(description, batch, seed);
-    return {window, random_projections(batch, seed), geometry(window)};
-  };
-  file.add(name, inputs(1, 3), function);
-  file.check(name, inputs(2, 4), function, {kTraceColourTolerance}, compared);
+  const ScriptFileWriter::Function function = look_method(look);
+  file.add(name, look_inputs(description, geometry, 1, 3), function);
+  file.check(name, look_inputs(description, geometry, 2, 4), function, {kTraceColourTolerance}, compared);
 }
 
 }  // namespace
@@ -48,6 +42,17 @@ torch::Tensor random_projections(int batch, std::uint64_t seed) {
   projection +=
       torch::tensor({500.0f, 0.0f, 256.0f, 900.0f, 0.0f, 500.0f, 256.0f, 700.0f, 0.0f, 0.0f, 1.0f, 3.0f}).view({3, 4});
   return projection;
+}
+
+ScriptFileWriter::Function look_method(const LookFunction& look) {
+  return [look](const Stack& inputs) -> Stack {
+    return {look(inputs.at(0).toTensor(), inputs.at(1).toTensor(), inputs.at(2).toTensor())};
+  };
+}
+
+Stack look_inputs(const ActorDescription& description, const ActorFunction& geometry, int batch, std::uint64_t seed) {
+  const torch::Tensor window = random_windows(description, batch, seed);
+  return {window, random_projections(batch, seed), geometry(window)};
 }
 
 torch::Tensor comparable_gaussians(const torch::Tensor& rows) {

@@ -17,6 +17,11 @@ using ActorFunction = std::function<torch::Tensor(const torch::Tensor&)>;
 /// metres) and the vertices [B,N,3] of `ActorFunctions::geometry` -> a tensor.
 using LookFunction = std::function<torch::Tensor(const torch::Tensor&, const torch::Tensor&, const torch::Tensor&)>;
 
+/// A look as the function of a script module, and inputs for it: (window, projection, vertices), random as below.
+ScriptFileWriter::Function look_method(const LookFunction& look);
+torch::jit::Stack look_inputs(const ActorDescription& description, const ActorFunction& geometry, int batch,
+                              std::uint64_t seed);
+
 struct ActorFunctions {
   ActorFunction geometry;
   LookFunction texture = {};    ///< -> RGB texture [B,T,T,3], 0..1, row 0 at v = 1; may be empty

@@ -15,13 +15,7 @@ class FigureWriter : public SequenceWriter {
     figure_ = make_figure(character, options.names);  // refuses names that do not fit before the first frame
   }
 
-  void write(const PosedFrame& frame) override {
-    const torch::Tensor pose = frame.window[frame.window.size(0) - 1].to(torch::kDouble).contiguous();
-    const double* dofs = pose.data_ptr<double>();
-    clip_.dofs.emplace_back(dofs, dofs + pose.numel());
-    clip_.vertices.emplace_back(frame.vertices.begin(), frame.vertices.end());
-  }
-
+  void write(const PosedFrame& frame) override { append_frame(clip_, frame); }
   void close() override {
     const FigureFile file{character_.name, character_.mesh, clip_, options_.rights};
     if (options_.glb || options_.usda) write_skinned(file);
@@ -55,6 +49,12 @@ class FigureWriter : public SequenceWriter {
 };
 
 }  // namespace
+
+void append_frame(FigureClip& clip, const PosedFrame& frame) {
+  const torch::Tensor pose = frame.window[frame.window.size(0) - 1].to(torch::kFloat64).contiguous();
+  clip.dofs.emplace_back(pose.data_ptr<double>(), pose.data_ptr<double>() + pose.numel());
+  clip.vertices.emplace_back(frame.vertices.begin(), frame.vertices.end());
+}
 
 std::unique_ptr<SequenceWriter> make_figure_writer(const std::filesystem::path& folder, const Character& character,
                                                    const FigureOptions& options, FigureReport& report) {

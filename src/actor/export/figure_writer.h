@@ -27,6 +27,9 @@ struct FigureReport {
   double largest_dropped_weight = 0.0;               ///< of a vertex with more than four bones
 };
 
+/// Appends the pose and the vertices of a frame to a clip.
+void append_frame(FigureClip& clip, const PosedFrame& frame);
+
 /// `folder/animation.glb`, `.usda` and `animation_skel.usda` (with their texture `animation.png`), `.pc2` and `.mdd`
 /// (with `animation.obj`, whose vertices they move). Holds all frames in memory until `close`, 12 bytes per vertex and
 /// frame.

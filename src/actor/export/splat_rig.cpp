@@ -53,11 +53,7 @@ class SplatRigWriter : public SequenceWriter {
     clip_.frames_per_second = options.frames_per_second;
   }
 
-  void write(const PosedFrame& frame) override {
-    const Tensor pose = frame.window[frame.window.size(0) - 1].to(torch::kFloat64).contiguous();
-    clip_.dofs.emplace_back(pose.data_ptr<double>(), pose.data_ptr<double>() + pose.numel());
-    clip_.vertices.emplace_back(frame.vertices.begin(), frame.vertices.end());
-  }
+  void write(const PosedFrame& frame) override { append_frame(clip_, frame); }
 
   void close() override {
     const Skeleton& skeleton = actor_.character.skeleton;

@@ -24,7 +24,7 @@ struct SplatRig {
 
 /// A Gaussian has the skinning weights of its texel: those of the three vertices around it, mixed by the barycentrics,
 /// of which the four largest stay, with sum 1. With `lit`, the colours are those under the learnt lighting at the
-/// normals of the surface. The changes that a network predicts are left out.
+/// normals of the surface, without the shadows of limbs. The changes that a network predicts are left out.
 /// @param surface [N] vertices in the rest pose, metres: those of the template, or nearer to the clothed body
 /// @param mesh of the character's template @param gaussians of this template
 /// @throws UsageError when `names` is not skeletool, and too few names of bones are recognised
@@ -43,8 +43,7 @@ torch::Tensor posed_centres(const SplatRig& rig, const Skeleton& skeleton, const
 /// @param name of the mesh, the skin and the animation
 /// @param tracks of the bones of `rig.figure`, without morph targets
 /// @throws Error when no Gaussian is left, or the file cannot be written or would have more than 4 GB. The messages
-/// name
-///         the file.
+/// name the file.
 void write_splat_rig(const std::filesystem::path& path, const std::string& name, const SplatRig& rig,
                      const FigureTracks& tracks, double frames_per_second);
 

@@ -28,8 +28,8 @@ cv::Mat StudioCrops::studio(int camera) {
   return image;
 }
 
-void StudioCrops::check() {
-  for (int camera = 0; camera < static_cast<int>(dataset_.cameras().size()); ++camera) studio(camera);
+void StudioCrops::check(const std::vector<int>& cameras) {
+  for (const int camera : cameras) studio(camera);
 }
 
 torch::Tensor StudioCrops::of(const Batch& batch) {

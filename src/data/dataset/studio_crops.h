@@ -4,6 +4,7 @@
 
 #include <map>
 #include <opencv2/core.hpp>
+#include <vector>
 
 #include "doppel/data/dataset/batch.h"
 #include "doppel/data/dataset/dataset.h"
@@ -23,8 +24,8 @@ class StudioCrops {
 
   /// Whether the capture has images of the empty studio.
   bool exist() const { return !dataset_.capture().background.empty(); }
-  /// Reads the images of all cameras once. @throws Error as Dataset::background, for the first that cannot be used
-  void check();
+  /// Reads the images of cameras once. @throws Error as Dataset::background, for the first that cannot be used
+  void check(const std::vector<int>& cameras);
   /// @pre `exist` and the batch has images @return float32 [B,C,I,I,3] RGB 0..1, the crops of Batch::image
   /// @throws Error as Dataset::background
   torch::Tensor of(const Batch& batch);

@@ -42,7 +42,11 @@ Tensor at_points(const Tensor& values, const TexelPoints& points) {
 
 SurfaceFrames surface_frames(const Tensor& vertices, const RenderMesh& mesh, const TexelPoints& points) {
   check_shape("surface_frames", "vertices", vertices, {-1, mesh.num_vertices, 3}, "[B,N,3]");
-  const Tensor normal = unit_vectors(at_points(vertex_normal_sums(vertices, mesh), points));
+  return surface_frames(vertices, vertex_normal_sums(vertices, mesh), points);
+}
+
+SurfaceFrames surface_frames(const Tensor& vertices, const Tensor& normal_sums, const TexelPoints& points) {
+  const Tensor normal = unit_vectors(at_points(normal_sums, points));
   const Tensor edge = at_corner(vertices, points, 1) - at_corner(vertices, points, 0);
   const Tensor tangent = unit_vectors(edge - normal * sum_of_products(normal, edge));
   return {at_points(vertices, points), quaternions(tangent, torch::cross(normal, tangent, -1), normal), normal};

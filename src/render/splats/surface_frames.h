@@ -19,6 +19,9 @@ struct SurfaceFrames {
 /// arbitrary.
 /// @param vertices [B,N,3] world, metres
 SurfaceFrames surface_frames(const torch::Tensor& vertices, const RenderMesh& mesh, const TexelPoints& points);
+/// The same where the result of `vertex_normal_sums` is at hand. @param normal_sums [B,N,3]
+SurfaceFrames surface_frames(const torch::Tensor& vertices, const torch::Tensor& normal_sums,
+                             const TexelPoints& points);
 
 /// Vectors of length 1; those shorter than 1e-12 become shorter than 1. @param vectors [...,K]
 torch::Tensor unit_vectors(const torch::Tensor& vectors);
