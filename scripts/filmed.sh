@@ -33,7 +33,7 @@ actor() {
     once "$here/$from-prepared/capture.yaml" prepare "$out/$from.yaml" --mask-size 700 --image-size 512 \
       --out "$out/$from-prepared"
   done
-  # The losses and the texture are those of kFilmSettings in tools/make_command.cpp.
+  # The losses and the texture are those of kFilmSettings in tools/make_recipe.cpp.
   for seed in "${seeds[@]}"; do
     as_options seed="$seed" capture="$out/refined-prepared" {egnet,lighting,deltanet,texnet}.data.cameras="[$others]" \
       egnet.train.iterations="$(steps 4000)" lighting.train.iterations="$(steps 300)" \

@@ -34,11 +34,6 @@ using Json = nlohmann::ordered_json;
 
 // Of the minutes: training ends where evaluation, export and film begin, and takes at least a quarter.
 constexpr double kTrainingEnd = 0.9, kMinTraining = 0.25;
-// Of the recipe, where the poses are tracked. They are some pixels off, and outlines of few cameras do not show where
-// clothes slide: they would pull the surface along itself, and TexNet's finer texels would blur what then disagrees
-// (docs/results/filmed.md).
-constexpr std::array kFilmSettings{"egnet.loss.anchor=1e7", "egnet.loss.arap=1500", "texnet.model.size=256",
-                                   "texnet.model.detail=4"};
 constexpr char kMakeExample[] =
     "Examples:\n"
     "  doppel make recordings/anna --out anna\n"
@@ -297,9 +292,8 @@ class Make {
 
   std::vector<std::string> training(const std::string& folder, const std::vector<std::string>& settings) const {
     std::vector<std::string> words{"train", out("recipe.yaml"), "--set", "capture=" + out("prepared")};
-    for (const std::string& setting : settings) words.insert(words.end(), {"--set", setting});
-    if (tracked_)
-      for (const char* setting : kFilmSettings) words.insert(words.end(), {"--set", setting});
+    for (const std::vector<std::string>& list : {recipe_.settings, settings})
+      for (const std::string& setting : list) words.insert(words.end(), {"--set", setting});
     words.insert(words.end(), {"--out", out(folder)});
     return words;
   }
@@ -307,9 +301,10 @@ class Make {
   /// Trains a few steps of each stage, which tells how many fit into the time.
   void measure_speed() {
     constexpr int kTried = 20;
-    write_atomically(out("recipe.yaml"), recipe_text());
+    recipe_ = make_recipe(tracked_);
+    write_atomically(out("recipe.yaml"), recipe_.text);
     std::vector<std::string> settings;
-    for (const auto& [stage, steps] : recipe_steps())
+    for (const auto& [stage, steps] : recipe_.steps)
       settings.push_back(fmt::format("{}.train.iterations={}", stage, kTried));
     std::vector<std::string> words = training("speed", settings);
     words.push_back("--overwrite");
@@ -321,7 +316,8 @@ class Make {
   void train() {
     const double budget = std::max(kTrainingEnd * 60.0 * arguments_.minutes - chain_->seconds(),
                                    kMinTraining * 60.0 * arguments_.minutes);
-    step("train", training("run", fit_recipe(seconds_per_step_, size_of(find_capture(capture_)).train_frames, budget)));
+    const long frames = size_of(find_capture(capture_)).train_frames;
+    step("train", training("run", fit_recipe(recipe_, seconds_per_step_, frames, budget)));
   }
 
   void evaluate() {
@@ -352,8 +348,8 @@ class Make {
   }
 
   void animate() {
-    step("animate", {"animate", "--run", out("run"), "--motion", unseen_motion(), "--format", "mp4,glb", "--out",
-                     out("animation")});
+    step("animate", {"animate", "--run", out("run"), "--renderer", "gaussians", "--motion", unseen_motion(), "--format",
+                     "mp4,glb", "--out", out("animation")});
     fs::copy_file(arguments_.out / "animation" / "animation.glb", arguments_.out / "actor.glb",
                   fs::copy_options::overwrite_existing);
     // A character of the user may lie in this very folder.
@@ -367,6 +363,7 @@ class Make {
   bool described_ = false, place_landmarks_ = false, tracked_ = false;
   std::string capture_, track_config_;
   FootageSize size_;
+  MakeRecipe recipe_;
   std::optional<MakeChain> chain_;
   std::map<std::string, double> seconds_per_step_;
   Json results_ = Json::object();

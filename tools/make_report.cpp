@@ -70,6 +70,8 @@ void write_make_report(const fs::path& out, const std::string& title, const Json
   }
   add_evaluation(cards, out / "evaluation.json");
   std::string body = html_cards(cards) + links(out);
+  body += image_of(out / "run" / "gaussians" / "pictures" / "gaussians-test.jpg",
+                   "Frames never trained on: film, textured mesh and its error, Gaussians and their error");
   body += image_of(out / "body" / "fit.jpg", "The body that was fitted to the videos");
   std::vector<fs::path> sheets;
   if (fs::is_directory(out / "tracked"))

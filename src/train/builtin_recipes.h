@@ -6,7 +6,7 @@
 
 namespace doppel {
 
-/// The configurations that `doppel make` trains with.
+/// The configurations that `doppel make` trains with, by their names in `configs/small`.
 extern const std::span<const BuiltinFile> kBuiltinRecipes;
 
 }  // namespace doppel

@@ -5,10 +5,13 @@
 
 #include <map>
 
+#include "doppel/train/stage_chain.h"
 #include "make_chain.h"
 
 namespace doppel::tools::make_recipe_test {
 namespace {
+
+const MakeRecipe kRecipe = make_recipe(false);
 
 /// The steps that `fit_recipe` sets, by stage.
 std::map<std::string, long> steps_of(const std::vector<std::string>& settings) {
@@ -20,7 +23,7 @@ std::map<std::string, long> steps_of(const std::vector<std::string>& settings) {
 
 std::map<std::string, double> every_step_takes(double seconds) {
   std::map<std::string, double> speeds;
-  for (const auto& [stage, steps] : recipe_steps()) speeds[stage] = seconds;
+  for (const auto& [stage, steps] : kRecipe.steps) speeds[stage] = seconds;
   return speeds;
 }
 
@@ -31,19 +34,33 @@ long total(const std::map<std::string, long>& steps) {
 }
 
 TEST(MakeRecipe, HasTheStepsOfItsFileWhereTheTimeSuffices) {
-  const auto found = steps_of(fit_recipe(every_step_takes(0.1), 300, 1e6));
-  for (const auto& [stage, steps] : recipe_steps()) EXPECT_EQ(found.at(stage), steps) << stage;
+  const auto found = steps_of(fit_recipe(kRecipe, every_step_takes(0.1), 300, 1e6));
+  for (const auto& [stage, steps] : kRecipe.steps) EXPECT_EQ(found.at(stage), steps) << stage;
 }
 
 TEST(MakeRecipe, FillsTheTimeInTheSameProportion) {
-  const long whole = total(steps_of(fit_recipe(every_step_takes(0.1), 300, 1e6)));
-  const auto half = steps_of(fit_recipe(every_step_takes(0.1), 300, 0.05 * static_cast<double>(whole)));
-  for (const auto& [stage, steps] : recipe_steps()) EXPECT_EQ(half.at(stage), steps / 2) << stage;
+  const long whole = total(steps_of(fit_recipe(kRecipe, every_step_takes(0.1), 300, 1e6)));
+  const auto half = steps_of(fit_recipe(kRecipe, every_step_takes(0.1), 300, 0.05 * static_cast<double>(whole)));
+  for (const auto& [stage, steps] : kRecipe.steps) EXPECT_EQ(half.at(stage), steps / 2) << stage;
 }
 
 TEST(MakeRecipe, TrainsLongerOnMoreFrames) {
-  const auto found = steps_of(fit_recipe(every_step_takes(0.1), 900, 1e6));
-  for (const auto& [stage, steps] : recipe_steps()) EXPECT_EQ(found.at(stage), 3 * steps) << stage;
+  const auto found = steps_of(fit_recipe(kRecipe, every_step_takes(0.1), 900, 1e6));
+  for (const auto& [stage, steps] : kRecipe.steps) EXPECT_EQ(found.at(stage), 3 * steps) << stage;
+}
+
+/// Both recipes are chains that `doppel train` accepts, and settings of film reach their stages.
+TEST(MakeRecipe, IsAChainWithGaussiansAtItsEnd) {
+  for (const bool tracked : {false, true}) {
+    const MakeRecipe recipe = make_recipe(tracked);
+    std::vector<std::string> settings = recipe.settings;
+    settings.emplace_back("capture=prepared");
+    const StageChain chain = StageChain::read(ConfigDocument::parse(recipe.text, "recipe.yaml", settings));
+    ASSERT_EQ(recipe.steps.size(), 5u);
+    for (const auto& [stage, steps] : recipe.steps) EXPECT_TRUE(chain.has(stage)) << stage;
+    EXPECT_EQ(recipe.steps.back().first, "gaussians");
+    EXPECT_EQ(recipe.steps.back().second, tracked ? 600 : 3000);
+  }
 }
 
 TEST(MakeChainReference, CommandLinesAreQuotedAsShellsNeedIt) {
