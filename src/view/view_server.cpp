@@ -13,6 +13,7 @@
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <random>
 
 #include "doppel/actor/export/animation.h"
@@ -21,6 +22,7 @@
 #include "doppel/core/scratch_folder.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/view/live_poses.h"
+#include "doppel/view/view_connections.h"
 #include "doppel/view/view_files.h"
 #include "doppel/view/view_page.h"
 #include "doppel/view/view_training.h"
@@ -32,8 +34,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kMaxRequestBytes = 1 << 20, kMaxMotionBytes = 64 << 20;
 constexpr std::chrono::milliseconds kLivePatience = kLiveBreak;
-constexpr int kSecondsToWait = 5, kSecondsKeptAlive = 2;
-constexpr std::size_t kConnections = 32;  // a browser opens six
+constexpr const char* kTokenHeader = "Doppel-Token";
 // Scripts, images and data from this server alone. The page sets styles of its own elements.
 constexpr const char* kPolicy =
     "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'";
@@ -135,7 +136,7 @@ struct ViewServer::State {
   Kinematics kinematics{nullptr};  ///< none without a character
   std::atomic<std::shared_ptr<const Shown>> shown;
   std::string token = random_token();
-  httplib::Server server;
+  ViewConnections server;
   LivePoses live;
   std::mutex networks;  ///< one request at a time runs the networks
   int port = 0;
@@ -146,9 +147,6 @@ struct ViewServer::State {
   }
 
   void show(const Motion& motion) { shown = std::make_shared<const Shown>(Shown{motion, view_files(subject, motion)}); }
-
-  /// Browsers share cookies between ports, so each server has a name of its own.
-  std::string cookie() const { return fmt::format("doppel_view_{}", port); }
 
   /// The character, for requests that need one.
   const Character& character() const {
@@ -259,13 +257,36 @@ struct ViewServer::State {
     return nlohmann::json{{"frames", shown.load()->motion.num_frames()}}.dump();
   }
 
-  /// Whether a request has the token and comes to this address. A page of another site that resolves its name to the
-  /// loopback interface has another host.
-  bool allowed(const httplib::Request& request) const {
+  /// Whether the browser says that a page of another site or port has sent the request. It may link to the address.
+  static bool is_foreign(const httplib::Request& request) {
+    const std::string origin = request.get_header_value("Origin"), site = request.get_header_value("Sec-Fetch-Site");
+    if (!origin.empty()) return origin != "http://" + request.get_header_value("Host");
+    const bool own = site.empty() || site == "same-origin" || site == "none";
+    return !own && !(request.method == "GET" && request.get_header_value("Sec-Fetch-Mode") == "navigate");
+  }
+
+  /// Whether a request has the token. A browser sends a header to another site or port only when the site allows that,
+  /// and this one does not, so what changes something needs the header where a browser asks.
+  bool has_token(const httplib::Request& request) const {
+    if (request.has_header(kTokenHeader)) return request.get_header_value(kTokenHeader) == token;
+    const bool by_browser = request.has_header("Origin") || request.has_header("Sec-Fetch-Site");
+    return !(by_browser && request.method == "POST") && request.get_param_value("token") == token;
+  }
+
+  /// Why a request is refused; empty: it is not. A page of another site that resolves its name to the loopback
+  /// interface has another host.
+  std::string refusal(const httplib::Request& request) const {
     const std::string host = request.get_header_value("Host"), colon = ":" + std::to_string(port);
-    if (host != "127.0.0.1" + colon && host != "localhost" + colon) return false;
-    if (request.get_param_value("token") == token) return true;
-    return request.get_header_value("Cookie").find(cookie() + "=" + token) != std::string::npos;
+    if (host != "127.0.0.1" + colon && host != "localhost" + colon)
+      return "This server is for 127.0.0.1 alone; open the address that `doppel view` prints.";
+    if (is_foreign(request))
+      return "A page of another site or port has sent this request; open the address that `doppel view` prints.";
+    if (!has_token(request))
+      return fmt::format(
+          "This request needs the token of the address that `doppel view` prints, as `?token=` or, from "
+          "a page that posts, in the header {}.",
+          kTokenHeader);
+    return {};
   }
 
   void answer(const char* path, bool post, const std::function<std::string(const httplib::Request&)>& body,
@@ -293,11 +314,21 @@ struct ViewServer::State {
     });
   }
 
+  /// The page names its script and its style; a browser loads them without a header, so their addresses get the token.
+  std::string with_token(std::string page) const {
+    for (const ViewPageFile& file : kViewPage) {
+      const std::string address = fmt::format("\".{}", file.path);
+      const std::size_t at = page.find(address + '"');
+      if (at != std::string::npos) page.insert(at + address.size(), "?token=" + token);
+    }
+    return page;
+  }
+
   void add_page() {
     for (const ViewPageFile& file : kViewPage) {
       const auto handler = [this, &file](const httplib::Request&, httplib::Response& response) {
-        response.set_header("Set-Cookie", fmt::format("{}={}; HttpOnly; SameSite=Strict; Path=/", cookie(), token));
-        response.set_content(file.content.data(), file.content.size(), std::string(file.type));
+        const std::string content(file.content);
+        response.set_content(file.type == "text/html" ? with_token(content) : content, std::string(file.type));
       };
       server.Get(std::string(file.path), handler);
       if (file.path == "/index.html") server.Get("/", handler);
@@ -343,25 +374,18 @@ struct ViewServer::State {
   }
 
   void set_up() {
-    // The library's default lets a second program share the port.
-    server.set_socket_options([](socket_t socket) {
-      const int yes = 1;
-      setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
-    });
     server.set_payload_max_length(kMaxMotionBytes);
-    server.set_read_timeout(kSecondsToWait);
-    server.set_write_timeout(kSecondsToWait);
-    server.set_keep_alive_timeout(kSecondsKeptAlive);
-    server.new_task_queue = [] { return new httplib::ThreadPool(kConnections); };
     server.set_default_headers({{"Content-Security-Policy", kPolicy},
                                 {"X-Content-Type-Options", "nosniff"},
                                 {"Referrer-Policy", "no-referrer"},
                                 {"Cache-Control", "no-store"}});
     server.set_pre_routing_handler([this](const httplib::Request& request, httplib::Response& response) {
-      if (allowed(request)) return httplib::Server::HandlerResponse::Unhandled;
+      const std::string reason = refusal(request);
+      if (reason.empty()) return ViewConnections::HandlerResponse::Unhandled;
       response.status = 403;
-      response.set_content("This page needs the token of its address; see the output of `doppel view`.", "text/plain");
-      return httplib::Server::HandlerResponse::Handled;
+      response.set_content(reason, "text/plain");
+      if (request.method != "GET") response.set_header("Connection", "close");  // nobody reads its body
+      return ViewConnections::HandlerResponse::Handled;
     });
     add_page();
     add_interface();
@@ -370,17 +394,15 @@ struct ViewServer::State {
 
 ViewServer::ViewServer(ViewSubject subject, int port) : state_(std::make_unique<State>(std::move(subject))) {
   state_->set_up();
-  if (port == 0)
-    state_->port = state_->server.bind_to_any_port("127.0.0.1");
-  else if (state_->server.bind_to_port("127.0.0.1", port))
-    state_->port = port;
-  if (state_->port <= 0) fail("viewing: port {} is taken or not allowed; --port 0 takes any free port", port);
+  const std::optional<int> bound = state_->server.bind(port);
+  if (!bound) fail("viewing: port {} is taken or not allowed; --port 0 takes any free port", port);
+  state_->port = *bound;
   url_ = fmt::format("http://127.0.0.1:{}/?token={}", state_->port, state_->token);
 }
 
 ViewServer::~ViewServer() = default;
 
-void ViewServer::serve() { state_->server.listen_after_bind(); }
+void ViewServer::serve() { state_->server.serve(); }
 void ViewServer::stop() {
   state_->live.close();
   state_->server.stop();

@@ -8,9 +8,11 @@
 namespace doppel {
 
 /// A web server of one subject on the loopback interface. A request needs the token, in the address (`?token=`) or in
-/// the cookie that the page sets; otherwise the answer is 403. A request names cameras, frames and images by number,
-/// never by a path, so none can lead anywhere. Requests are at most 1 MB (motion files 64 MB), and a connection that
-/// stands still for five seconds is closed.
+/// the header `Doppel-Token`; otherwise the answer is 403. So is the answer to a page of another site or port, which
+/// browsers name in `Origin` or `Sec-Fetch-Site`; and a browser must post with the header. There is no cookie, because
+/// browsers send cookies to the servers of all ports. A request names cameras, frames and images by number, never by a
+/// path, so none can lead anywhere. Requests are at most 1 MB (motion files 64 MB). view_connections.h says how many
+/// connections there may be and how long they may wait.
 ///
 /// - `GET /`: the page
 /// - `GET /double/description.json`, `mesh.bin`, `motion.bin`, `texture.jpg`, `points.bin`: see view_files.h

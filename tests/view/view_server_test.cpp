@@ -64,6 +64,12 @@ class ViewServerTest : public testing::Test {
     const torch::Tensor rest = camera.flatten(1).narrow(1, 0, 11).unsqueeze(1).expand({-1, kGaussians, -1});
     return torch::cat({vertices.narrow(1, 0, kGaussians), rest}, 2);
   }
+  /// The rest pose as a tracker sends it.
+  static std::string pose_bytes() {
+    const std::vector<double> dofs = make_test_character().rest_dofs;
+    const std::vector<float> pose(dofs.begin(), dofs.end());
+    return {reinterpret_cast<const char*>(pose.data()), 4 * pose.size()};
+  }
   httplib::Client client() const {
     httplib::Client result("127.0.0.1", port_);
     result.set_read_timeout(20);
@@ -91,6 +97,70 @@ TEST_F(ViewServerTest, RefusesAnotherHost) {
   const auto answer = client().Get(with_token("/double/description.json"), {{"Host", "example.org"}});
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->status, 403);
+}
+
+/// What browsers send about the page that asks.
+TEST_F(ViewServerTest, RefusesPagesOfOtherSitesAndPorts) {
+  const std::string body = pose_bytes(), type = "application/octet-stream", token = query_.substr(6);
+  const httplib::Headers foreign[] = {{{"Origin", "http://127.0.0.1:1"}},  {{"Origin", "http://localhost"}},
+                                      {{"Origin", "https://example.org"}}, {{"Origin", "null"}},
+                                      {{"Sec-Fetch-Site", "same-site"}},   {{"Sec-Fetch-Site", "cross-site"}}};
+  for (httplib::Headers headers : foreign) {
+    const std::string& name = headers.begin()->second;
+    headers.emplace("Doppel-Token", token);
+    const auto data = client().Get(with_token("/double/description.json"), headers);
+    const auto pose = client().Post(with_token("/api/live?tracked=1"), headers, body, type);
+    const auto motion = client().Post(with_token("/api/motion?name=walk.motion"), headers, body, type);
+    for (const auto& answer : {&data, &pose, &motion}) {
+      ASSERT_TRUE(*answer) << name;
+      EXPECT_EQ((*answer)->status, 403) << name;
+      EXPECT_EQ((*answer)->body.rfind("A page of another site or port has sent this request; ", 0), 0) << name;
+    }
+    const httplib::Result question = client().Options("/api/live", headers);
+    EXPECT_EQ(question->status, 403) << name;
+    EXPECT_FALSE(question->has_header("Access-Control-Allow-Origin")) << name;
+  }
+  EXPECT_EQ(client().Get(with_token("/api/live?after=0&stage=skinning"))->body, "") << "a pose was taken";
+}
+
+TEST_F(ViewServerTest, AnotherSiteMayLinkToThePage) {
+  httplib::Headers link = {{"Sec-Fetch-Site", "cross-site"}, {"Sec-Fetch-Mode", "navigate"}};
+  EXPECT_EQ(client().Get(with_token("/"), link)->status, 200);
+  EXPECT_EQ(client().Get("/", link)->status, 403);
+  EXPECT_EQ(client().Post(with_token("/api/live?tracked=1"), link, pose_bytes(), "text/plain")->status, 403);
+}
+
+/// Programs give the token in the address or in the header; a page gives it in the header.
+TEST_F(ViewServerTest, PostsOfABrowserNeedTheHeader) {
+  const std::string own = "http://127.0.0.1:" + std::to_string(port_), token = query_.substr(6);
+  const auto post = [&](const std::string& path, const httplib::Headers& headers) {
+    return client().Post(path, headers, pose_bytes(), "application/octet-stream")->status;
+  };
+  const std::string path = "/api/live?tracked=1";
+  EXPECT_EQ(post(with_token(path), {}), 200);
+  EXPECT_EQ(post(path, {{"Doppel-Token", token}}), 200);
+  EXPECT_EQ(post(path, {{"Origin", own}, {"Doppel-Token", token}}), 200);
+  EXPECT_EQ(post(path, {{"Sec-Fetch-Site", "same-origin"}, {"Doppel-Token", token}}), 200);
+  EXPECT_EQ(post(with_token(path), {{"Origin", own}}), 403);
+  EXPECT_EQ(post(with_token(path), {{"Sec-Fetch-Site", "same-origin"}}), 403);
+  EXPECT_EQ(post(with_token(path), {{"Doppel-Token", "0"}}), 403);
+  EXPECT_EQ(post(path, {{"Doppel-Token", ""}}), 403);
+  EXPECT_EQ(post(path, {}), 403);
+  EXPECT_EQ(client().Post(path, pose_bytes(), "text/plain")->get_header_value("Connection"), "close");
+}
+
+/// A browser would send a cookie to the servers of other ports, so there is none.
+TEST_F(ViewServerTest, KeepsTheTokenOutOfCookies) {
+  const auto page = client().Get(with_token("/"));
+  ASSERT_EQ(page->status, 200);
+  EXPECT_FALSE(page->has_header("Set-Cookie"));
+  EXPECT_NE(page->body.find("src=\"./assets/page.js?" + query_ + "\""), std::string::npos);
+  EXPECT_NE(page->body.find("href=\"./assets/page.css?" + query_ + "\""), std::string::npos);
+  const httplib::Headers cookie = {{"Cookie", "doppel_view_" + std::to_string(port_) + "=" + query_.substr(6)}};
+  for (const char* path : {"/", "/assets/page.js", "/double/description.json"}) {
+    EXPECT_EQ(client().Get(path, cookie)->status, 403) << path;
+    EXPECT_FALSE(client().Get(with_token(path))->has_header("Set-Cookie")) << path;
+  }
 }
 
 TEST_F(ViewServerTest, LeadsToNoFile) {
@@ -163,9 +233,7 @@ TEST_F(ViewServerTest, GaussiansFollowTheSurfaceAndTheJoints) {
 
 /// A live pose is answered in the same way, behind its number, whether the person is seen, and its DoFs.
 TEST_F(ViewServerTest, GaussiansOfALivePose) {
-  const std::vector<double> dofs = make_test_character().rest_dofs;
-  const std::vector<float> pose(dofs.begin(), dofs.end());
-  const std::string body(reinterpret_cast<const char*>(pose.data()), 4 * pose.size());
+  const std::string body = pose_bytes();
   ASSERT_EQ(client().Post(with_token("/api/live?tracked=1"), body, "application/octet-stream")->status, 200);
   const std::string query = "stage=gaussians&projection=1,0,0,0,0,1,0,0,0,0,1,3";
   const auto live = client().Get(with_token("/api/live?after=0&" + query));

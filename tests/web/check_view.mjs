@@ -4,10 +4,11 @@
 // --cameras: the target is a capture with pictures, which must stand where its cameras saw them; a screenshot.
 // --other: a motion file of this many frames, which the page opens.
 // The double plays, follows a slider and live poses, and its hand follows the mouse to 1 cm; the page fits a phone; the
-// console stays silent; no request leaves the loopback interface; a wrong token gets 403. Exit code 1: one of these fails.
+// console stays silent; no request leaves the loopback interface; a wrong token gets 403; a page of another port gets
+// nothing. Exit code 1: one of these fails.
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
-import { request } from 'node:http';
+import { createServer, request } from 'node:http';
 import { launch } from './browser.mjs';
 import {
   checkCameras, checkLive, checkMotion, checkPhone, checkPlaying, checkReach, checkSequence, checkSlider, checkTexture, checkTraining, kWebGl, leaveCameras, openPage,
@@ -56,6 +57,39 @@ async function checkAccess(url) {
   assert.ok(huge === 413 || huge === 0, `a huge request got ${huge}`);
 }
 
+// A page of another port, beside the open one, is sent nothing of the viewer's, learns nothing, and sends no pose.
+async function checkOtherPort(page, url) {
+  const heard = [], server = createServer((asked, answer) => {
+    heard.push(JSON.stringify(asked.rawHeaders) + asked.url);
+    answer.setHeader('Content-Type', 'text/html').end('<link rel="icon" href="data:,"><p>another page</p>');
+  });
+  await new Promise((done) => { server.listen(0, '127.0.0.1', done); });
+  const other = await page.context().newPage(), token = new URL(url).searchParams.get('token');
+  await other.goto(`http://127.0.0.1:${server.address().port}/`);
+  const rest = await page.evaluate(() => window.doppel.source.about.rest ?? []);
+  const answers = await other.evaluate(async ({ viewer, dofs }) => {
+    const asked = async (path, options) => fetch(viewer.replace('/?', `/${path}&`), options).then(({ type, status }) => `${type} ${status}`, () => 'nothing');
+    const pose = { method: 'POST', body: Float32Array.from(dofs) };
+    return [
+      await asked('api/live?tracked=1', { ...pose, mode: 'no-cors', credentials: 'include' }),
+      await asked('api/live?tracked=1', pose),
+      await asked('double/description.json?', {}),
+      await asked('api/live?tracked=1', { ...pose, headers: { 'Doppel-Token': '0' } }),
+    ];
+  }, { viewer: url, dofs: rest });
+  assert.deepEqual(answers, ['opaque 0', 'nothing', 'nothing', 'nothing']);
+  assert.ok(heard.length > 0 && !heard.some((text) => text.includes(token) || /cookie/i.test(text)), `another port was sent ${heard}`);
+  assert.deepEqual(await page.context().cookies(), []);
+  if (rest.length) {
+    const live = await fetch(url.replace('/?', '/api/live?after=0&stage=skinning&'));
+    assert.equal((await live.arrayBuffer()).byteLength, 0, 'a page of another port has sent a pose');
+  }
+  for (const headers of [{ Origin: `http://127.0.0.1:${server.address().port}` }, { Origin: 'null' }, { 'Sec-Fetch-Site': 'same-site' }])
+    assert.equal(await status(url.replace('/?', '/api/live?tracked=1&'), { headers, body: Buffer.alloc(4) }), 403);
+  await other.close();
+  server.close();
+}
+
 async function checkDouble(page, url) {
   await checkPlaying(page);
   await checkSlider(page);
@@ -89,6 +123,7 @@ try {
   const url = await started(child);
   await checkAccess(url);
   const { page, complaints, outside } = await openPage(browser, url);
+  await checkOtherPort(page, url);
   if (sequence) await checkWithoutDouble(page);
   else await checkDouble(page, url);
   await checkPhone(page);

@@ -5,7 +5,7 @@ export const kWebGl = ['--use-gl=angle', '--use-angle=swiftshader', '--enable-un
 
 // A page with all that its console complains about and all requests that leave the loopback interface.
 export async function openPage(browser, url, viewport = { width: 1280, height: 800 }) {
-  const page = await browser.newPage({ viewport, colorScheme: 'dark' });
+  const page = await (await browser.newContext({ viewport, colorScheme: 'dark' })).newPage();
   const complaints = [], outside = [];
   page.on('console', (message) => { if (message.type() === 'error') complaints.push(message.text()); });
   page.on('pageerror', (error) => complaints.push(String(error)));

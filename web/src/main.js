@@ -153,7 +153,7 @@ function app(source) {
   picture.onCamera(lookThrough);
   if (source.training) {
     element('training').hidden = false;
-    followTraining(source.training, element('progress'), complain);
+    followTraining(source.training, source.trainingImage, element('progress'), complain);
   }
 
   // Somebody who is tracked now.

@@ -2,8 +2,16 @@
 // page itself by ONNX Runtime.
 import { folderNetworks } from './networks.js';
 
+// The token of the page's own address; none in an exported folder. Requests of this page have it in a header. No cookie
+// has it, because a browser sends cookies to the servers of other ports too.
+const token = new URLSearchParams(location.search).get('token');
+
+// The address of an image, which the browser loads without a header.
+const imageAddress = (path, query = {}) => (token ? `${path}?${new URLSearchParams({ ...query, token })}` : path);
+
 async function fetched(path, body) {
-  const response = await fetch(path, body ? { method: 'POST', body } : {});
+  const headers = token ? { 'Doppel-Token': token } : {};
+  const response = await fetch(path, body ? { method: 'POST', headers, body } : { headers });
   if (!response.ok) throw new Error(`${path}: ${await response.text()}`);
   return response;
 }
@@ -60,7 +68,9 @@ export async function open() {
   const all_points = about.points ? new Float32Array(await bytesOf('double/points.bin')) : null;
   const points = all_points && ((frame) => all_points.subarray(3 * frame * about.points.length, 3 * (frame + 1) * about.points.length));
   const cameras = about.cameras && !in_folder ? await (await fetched('api/cameras')).json() : { cameras: [], masks: false };
-  const picture = (camera, frame, mask) => `api/picture?${new URLSearchParams({ camera, frame, mask: Number(mask) })}`;
+  const picture = (camera, frame, mask) => imageAddress('api/picture', { camera, frame, mask: Number(mask) });
   const training = about.training && !in_folder ? async () => (await fetched('api/training')).json() : null;
-  return { about, mesh, dofsOf, points, play, cameras, picture, training, texture: about.textured ? 'double/texture.jpg' : null, ...networks, ...(points ? { live: null } : {}) };
+  const trainingImage = (query) => imageAddress('api/training_image', query);
+  const texture = about.textured ? imageAddress('double/texture.jpg') : null;
+  return { about, mesh, dofsOf, points, play, cameras, picture, training, trainingImage, texture, ...networks, ...(points ? { live: null } : {}) };
 }

@@ -22,13 +22,13 @@ function chart(points) {
   return svg;
 }
 
-function stageEntry(stage, s) {
+function stageEntry(stage, s, addressOf) {
   const entry = element('article', '', element('h3', `${stage.name}: step ${stage.steps}, ${Math.round(stage.seconds)} s`));
   for (const [name, points] of Object.entries(stage.curves))
     entry.append(element('p', `${name} ${points.at(-1)[1].toPrecision(4)}`), chart(points));
   stage.images.forEach(({ caption, written }, i) => {
     const image = document.createElement('img');
-    image.src = `api/training_image?${new URLSearchParams({ stage: s, image: i, written })}`;
+    image.src = addressOf({ stage: s, image: i, written });
     image.alt = caption;
     image.addEventListener('click', () => image.classList.toggle('large'));
     entry.append(image, element('p', caption));
@@ -36,15 +36,16 @@ function stageEntry(stage, s) {
   return entry;
 }
 
-// Calls `ask`, the state of the training, and shows it in `place` when it has changed. @param failed takes errors
-export async function followTraining(ask, place, failed) {
+// Calls `ask`, the state of the training, and shows it in `place` when it has changed.
+// @param addressOf the address of an image, given stage, image and when it was written  @param failed takes errors
+export async function followTraining(ask, addressOf, place, failed) {
   let shown = '';
   for (;;) {
     try {
       const state = document.hidden ? null : await ask(), text = JSON.stringify(state);
       if (state && text !== shown) {
         shown = text;
-        place.replaceChildren(...state.stages.map(stageEntry));
+        place.replaceChildren(...state.stages.map((stage, s) => stageEntry(stage, s, addressOf)));
         if (!state.stages.length) place.textContent = 'No step was logged yet.';
       }
     } catch (error) { failed(error); }
