@@ -20,15 +20,18 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Samples of the field at the corners of a regular grid.
+/// Samples of the field at the corners of a grid.
 struct Grid {
-  Vector3d origin;
-  double cell;
+  GridLines lines;
   std::array<int, 3> size;  ///< corners along x, y, z
   std::vector<float> values;
 
   std::size_t index(int x, int y, int z) const { return (as_size(z) * size[1] + y) * size[0] + x; }
-  Vector3d corner(int x, int y, int z) const { return origin + cell * Vector3d(x, y, z); }
+  Vector3d corner(int x, int y, int z) const {
+    return {lines[0][as_size(x)], lines[1][as_size(y)], lines[2][as_size(z)]};
+  }
+  /// The sides of the cell that begins at a corner.
+  Vector3d cell(int x, int y, int z) const { return corner(x + 1, y + 1, z + 1) - corner(x, y, z); }
 };
 
 constexpr int kBlock = 6;
@@ -38,20 +41,20 @@ void sample_block(const DistanceField& field, Grid& grid, int bx, int by, int bz
   const std::array<int, 3> begin{bx * kBlock, by * kBlock, bz * kBlock};
   std::array<int, 3> end;
   for (int a = 0; a < 3; ++a) end[a] = std::min(begin[a] + kBlock, grid.size[a]);
-  const Vector3d middle =
-      0.5 * (grid.corner(begin[0], begin[1], begin[2]) + grid.corner(end[0] - 1, end[1] - 1, end[2] - 1));
-  const double at_middle = field(middle);
+  const Vector3d first = grid.corner(begin[0], begin[1], begin[2]),
+                 last = grid.corner(end[0] - 1, end[1] - 1, end[2] - 1);
+  const double at_middle = field(0.5 * (first + last));
   // Twice the half diagonal, because the field of an ellipsoid is not a true distance.
-  const bool far = std::abs(at_middle) > kBlock * grid.cell * std::sqrt(3.0);
+  const bool far = std::abs(at_middle) > (last - first).norm() * kBlock / (kBlock - 1);
   for (int z = begin[2]; z < end[2]; ++z)
     for (int y = begin[1]; y < end[1]; ++y)
       for (int x = begin[0]; x < end[0]; ++x)
         grid.values[grid.index(x, y, z)] = static_cast<float>(far ? at_middle : field(grid.corner(x, y, z)));
 }
 
-Grid sample(const DistanceField& field, const Vector3d& low, const Vector3d& high, double cell) {
-  Grid grid{low, cell, {}, {}};
-  for (int a = 0; a < 3; ++a) grid.size[a] = static_cast<int>(std::ceil((high[a] - low[a]) / cell)) + 2;
+Grid sample(const DistanceField& field, const GridLines& lines) {
+  Grid grid{lines, {}, {}};
+  for (std::size_t a = 0; a < 3; ++a) grid.size[a] = static_cast<int>(lines[a].size());
   grid.values.resize(grid.index(0, 0, grid.size[2]));
   std::array<int, 3> blocks;
   for (int a = 0; a < 3; ++a) blocks[a] = (grid.size[a] + kBlock - 1) / kBlock;
@@ -94,7 +97,7 @@ void make_unambiguous(Grid& grid) {
           }
           if (inside == 0 || inside == 255 || (is_connected(inside) && is_connected(~inside & 255u))) continue;
           // Filling only adds to the inside, so the loop terminates.
-          grid.values[nearest] = static_cast<float>(-0.05 * grid.cell);
+          grid.values[nearest] = static_cast<float>(-0.05 * grid.cell(x, y, z).minCoeff());
           changed = true;
         }
   }
@@ -120,7 +123,7 @@ bool cell_vertex(const Grid& grid, int x, int y, int z, Vector3d& vertex) {
       sum += point;
       ++crossings;
     }
-  vertex = grid.corner(x, y, z) + grid.cell * sum / crossings;
+  vertex = grid.corner(x, y, z) + grid.cell(x, y, z).cwiseProduct(sum / crossings);
   return true;
 }
 
@@ -327,16 +330,42 @@ void relax(TriangleMesh& mesh, const DistanceField& field, int rounds) {
 
 }  // namespace
 
+GridLines regular_lines(const Vector3d& low, const Vector3d& high, double cell) {
+  GridLines lines;
+  for (int a = 0; a < 3; ++a) {
+    const int count = static_cast<int>(std::ceil((high[a] - low[a]) / cell)) + 2;
+    for (int i = 0; i < count; ++i) lines[as_size(a)].push_back(low[a] + cell * i);
+  }
+  return lines;
+}
+
+void refine_lines(GridLines& lines, const Vector3d& low, const Vector3d& high, double cell) {
+  for (int a = 0; a < 3; ++a) {
+    std::vector<double>& along = lines[as_size(a)];
+    const auto first = std::lower_bound(along.begin(), along.end(), low[a]);
+    const auto last = std::upper_bound(first, along.end(), high[a]);
+    std::vector<double> refined(along.begin(), first);
+    const int count = static_cast<int>(std::ceil((high[a] - low[a]) / cell));
+    for (int i = 0; i <= count; ++i) refined.push_back(low[a] + (high[a] - low[a]) * i / count);
+    refined.insert(refined.end(), last, along.end());
+    along = std::move(refined);
+  }
+}
+
 TriangleMesh mesh_field(const DistanceField& field, const Vector3d& low, const Vector3d& high, double cell) {
-  Grid grid = sample(field, low, high, cell);
+  return mesh_field(field, regular_lines(low, high, cell));
+}
+
+TriangleMesh mesh_field(const DistanceField& field, const GridLines& lines) {
+  Grid grid = sample(field, lines);
   make_unambiguous(grid);
   TriangleMesh mesh = surface_nets(grid);
   const MeshReport report = inspect_mesh(mesh);
   if (!report.closed() || report.components != 1 || report.euler_characteristic != 2)
     fail(
-        "meshing a distance field: a grid of {} mm gives {} components and Euler characteristic {}, but one closed "
-        "surface without holes is needed; use a finer grid",
-        cell * 1e3, report.components, report.euler_characteristic);
+        "meshing a distance field: a grid of {} x {} x {} corners gives {} components and Euler characteristic {}, but "
+        "one closed surface without holes is needed; use a finer grid",
+        grid.size[0], grid.size[1], grid.size[2], report.components, report.euler_characteristic);
   for (Vector3d& v : mesh.vertices) v = project_to_field(field, v);
   return mesh;
 }

@@ -1,17 +1,29 @@
 #pragma once
 
+#include <array>
 #include <functional>
+#include <vector>
 
 #include "doppel/geometry/distance_field.h"
 #include "doppel/geometry/mesh.h"
 
 namespace doppel {
 
+/// The planes of a grid: their coordinates along x, y and z, ascending, metres.
+using GridLines = std::array<std::vector<double>, 3>;
+/// Planes `cell` metres apart over a box.
+GridLines regular_lines(const Eigen::Vector3d& low, const Eigen::Vector3d& high, double cell);
+/// Replaces the planes that cut a box, along each axis, by planes `cell` metres apart or less.
+void refine_lines(GridLines& lines, const Eigen::Vector3d& low, const Eigen::Vector3d& high, double cell);
+
 /// Meshes the zero level of a field by surface nets: one vertex per grid cell and one quad per grid edge that the
 /// surface crosses. The field is called by several threads at once.
-/// @param low, high a box that holds the surface, metres @param cell edge of a grid cell, metres
+/// @param lines of a grid that holds the surface
 /// @return one closed triangle mesh without handles, counter-clockwise from outside
 /// @throws Error when the grid is too coarse to give a manifold, or the surface has several parts or holes
+TriangleMesh mesh_field(const DistanceField& field, const GridLines& lines);
+/// The same on a grid of cubes.
+/// @param low, high a box that holds the surface, metres @param cell edge of a grid cell, metres
 TriangleMesh mesh_field(const DistanceField& field, const Eigen::Vector3d& low, const Eigen::Vector3d& high,
                         double cell);
 

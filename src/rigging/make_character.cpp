@@ -4,6 +4,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/rigging/joints/body_skeleton.h"
+#include "doppel/rigging/joints/fingers.h"
 #include "doppel/rigging/joints/hinge_volume.h"
 #include "doppel/rigging/joints/lone_triangles.h"
 #include "doppel/rigging/weights/bend_report.h"
@@ -50,6 +51,7 @@ Character make_character(const std::string& name, const TriangleMesh& mesh, cons
   complete_character(character);
   keep_hinge_volumes(field, character);
   set_smooth_skin(character, field, options.heat, BendLimits().stretch);
+  divide_hand_weights(character, joints);
   return character;
 }
 

@@ -31,6 +31,7 @@ int segment_of_bone(const std::string& bone) {
                                                           {"ToeBase", kLeftFootSegment}}};
   for (const auto& [name, segment] : parts)
     if (part == name) return segment + (right ? kSideSegments : 0);
+  if (part.starts_with("Hand")) return kLeftHandSegment + (right ? kSideSegments : 0);  // a finger
   fail(
       "the segments of a body: the skin has a bone '{}', but the parts of a body are known only for the bones of "
       "Doppel's skeletons (Root, Spine, Chest, Neck, Head, LeftArm, ...)",
@@ -274,6 +275,8 @@ BodyJoints BodyWarp::Map::joints() const {
       if (part == trunk) return static_cast<int>(kTrunkSegment);
     for (const char* hand : {"hand", "fingertip", "wrist"})
       if (part == hand) return kLeftHandSegment + side;
+    for (const Finger& finger : kFingers)
+      if (part.starts_with(finger.point)) return kLeftHandSegment + side;
     for (const char* foot : {"toe", "toe_end", "heel", "ankle"})
       if (part == foot) return kLeftFootSegment + side;
     return part == "elbow"  ? kLeftForearmSegment + side

@@ -135,7 +135,7 @@ std::vector<GirthLevel> girth_levels(const BodyJoints& joints) {
   on_limb("ankle_girth", "left_knee", "left_ankle", kAnkleLevel);
   const Vector3d hand = joints.at("left_fingertip") - joints.at("left_wrist");
   const Vector3d palm = (ahead - ahead.dot(hand.normalized()) * hand.normalized()).normalized();
-  add("hand_breadth", joints.at("left_wrist"), joints.at("left_fingertip"), 0.58, palm);
+  add("hand_breadth", joints.at("left_wrist"), joints.at("left_fingertip"), 0.46, palm);
   return levels;
 }
 

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "doppel/geometry/isosurface.h"
 #include "doppel/geometry/unwrap.h"
@@ -49,6 +50,36 @@ Vector3d add_legs(BodyJoints& joints) {
   return {0, hip.y(), 0};
 }
 
+/// The axes of a hand, palm down: along it, towards the thumb, towards the palm.
+Eigen::Matrix3d hand_axes(const Vector3d& forearm) {
+  const Vector3d palm = forearm.cross(Vector3d::UnitZ()).normalized();
+  Eigen::Matrix3d axes;
+  axes << forearm, palm.cross(forearm), palm;
+  return axes;
+}
+
+/// Fingers of an open hand, apart from each other and a little bent. Positions are shares of the length of the hand.
+void add_fingers(BodyJoints& joints, const Vector3d& wrist, const Vector3d& forearm) {
+  const std::array<Vector3d, 4> thumb{
+      {{0.14, 0.13, 0.03}, {0.35, 0.26, 0.07}, {0.51, 0.335, 0.08}, {0.645, 0.375, 0.08}}};
+  const std::array<std::array<Vector3d, 2>, 4> knuckle_and_tip{{{{{0.455, 0.15, -0.01}, {0.92, 0.225, 0.04}}},
+                                                                {{{0.47, 0.045, -0.01}, {1.0, 0.055, 0.045}}},
+                                                                {{{0.445, -0.06, -0.005}, {0.94, -0.10, 0.045}}},
+                                                                {{{0.405, -0.155, 0.0}, {0.80, -0.255, 0.04}}}}};
+  constexpr std::array<double, 4> kJoint{0.0, 0.45, 0.75, 1.0}, kBend{0.0, 0.2, 0.56, 1.0};
+  const Eigen::Matrix3d axes = mean_of("hand_length") * hand_axes(forearm);
+  for (std::size_t f = 0; f < kFingers.size(); ++f)
+    for (std::size_t k = 0; k < kFingerPoints; ++k) {
+      Vector3d at = thumb[k];
+      if (f > 0) {
+        const auto& [knuckle, tip] = knuckle_and_tip[f - 1];
+        at = knuckle + kJoint[k] * (tip - knuckle);
+        at.z() = knuckle.z() + kBend[k] * (tip.z() - knuckle.z());
+      }
+      add_pair(joints, finger_point("", kFingers[f], static_cast<int>(k) + 1), wrist + axes * at);
+    }
+}
+
 void add_arms(BodyJoints& joints, const Vector3d& shoulder) {
   const Vector3d arm = Vector3d(0.74, -0.67, 0.0).normalized(), forearm = Vector3d(0.74, -0.66, 0.10).normalized();
   const Vector3d elbow = shoulder + mean_of("upper_arm_length") * arm;
@@ -58,9 +89,12 @@ void add_arms(BodyJoints& joints, const Vector3d& shoulder) {
   add_pair(joints, "wrist", wrist);
   add_pair(joints, "hand", wrist + 0.47 * mean_of("hand_length") * forearm);
   add_pair(joints, "fingertip", wrist + mean_of("hand_length") * forearm);
+  add_fingers(joints, wrist, forearm);
 }
 
-constexpr double kSkullTop = 0.11;  ///< top of the skull above its middle, metres
+constexpr double kHandReach = 0.25,
+                 kHandMargin = 0.03;  ///< farther from the wrist, only a bound of the distance counts
+constexpr double kSkullTop = 0.11;    ///< top of the skull above its middle, metres
 
 /// The parts of the reference body. Lengths that are given as numbers are metres on a body of mean stature.
 class ReferenceShape {
@@ -72,8 +106,10 @@ class ReferenceShape {
     shoulder_ = j_.at("left_shoulder"), elbow_ = j_.at("left_elbow"), wrist_ = j_.at("left_wrist");
     hip_ = j_.at("left_hip"), knee_ = j_.at("left_knee"), ankle_ = j_.at("left_ankle");
     forearm_ = (wrist_ - elbow_).normalized();
-    thick_ = forearm_.cross(Vector3d::UnitZ()).normalized();
-    wide_ = thick_.cross(forearm_);
+    hand_ = hand_axes(forearm_);
+    for (std::size_t f = 0; f < kFingers.size(); ++f)
+      for (std::size_t k = 0; k < kFingerPoints; ++k)
+        fingers_[f][k] = j_.at(finger_point("left_", kFingers[f], static_cast<int>(k) + 1));
     forward_ = j_.at("left_toe_end") - j_.at("left_heel");
     forward_.y() = 0;
     forward_.normalize();
@@ -117,13 +153,30 @@ class ReferenceShape {
     return smooth_min(d, ellipsoid(q, {0.079, -0.012, -0.012}, {0.011, 0.030, 0.018}), 0.012);
   }
 
+  /// A finger: from joint to joint, thinner towards the tip. @param points of the finger on the left
+  static double finger(const Vector3d& q, const std::array<Vector3d, kFingerPoints>& points, double knuckle,
+                       double tip) {
+    const double middle = 0.5 * (knuckle + tip);
+    const Vector3d end = points[3] - tip * (points[3] - points[2]).normalized();
+    return std::min({round_cone(q, points[0], points[1], knuckle, middle),
+                     round_cone(q, points[1], points[2], middle, tip), round_cone(q, points[2], end, tip, tip)});
+  }
+
   double hand(const Vector3d& q) const {
-    const Vector3d p = q - wrist_, local(p.dot(forearm_), p.dot(wide_), p.dot(thick_));
-    double d = ellipsoid(local, {0.058, 0.0, 0.0}, {0.072, 0.0425, 0.022});
-    d = smooth_min(d, ellipsoid(local, {0.125, -0.003, 0.004}, {0.063, 0.036, 0.0155}), 0.03);
-    const double side = wide_.z() > 0 ? 1 : -1;
-    return smooth_min(d, round_cone(local, {0.028, side * 0.026, 0.004}, {0.094, side * 0.062, 0.012}, 0.017, 0.0115),
-                      0.016);
+    if ((q - wrist_).squaredNorm() > kHandReach * kHandReach) return (q - wrist_).norm() - kHandReach + kHandMargin;
+    const Vector3d local = hand_.transpose() * (q - wrist_);
+    double d = ellipsoid(local, {0.047, 0.001, 0.002}, {0.060, 0.039, 0.0165});
+    for (std::size_t f = 1; f < kFingers.size(); ++f) {
+      const Vector3d& knuckle = fingers_[f][0];
+      d = smooth_min(d, round_cone(q, wrist_ + 0.25 * (knuckle - wrist_), knuckle, 0.013, 0.0115), 0.012);
+    }
+    const Vector3d& thumb = fingers_[0][1];
+    d = smooth_min(d, round_cone(q, wrist_ + 0.25 * (thumb - wrist_), thumb, 0.016, 0.0125), 0.016);
+    d = smooth_min(d, finger(q, fingers_[0], 0.0125, 0.0085), 0.006);
+    double fingers = std::numeric_limits<double>::infinity();
+    for (std::size_t f = 1; f < kFingers.size(); ++f)
+      fingers = std::min(fingers, finger(q, fingers_[f], f == 4 ? 0.0085 : 0.0098, f == 4 ? 0.006 : 0.007));
+    return smooth_min(d, fingers, 0.006);
   }
 
   double arm(const Vector3d& q) const {
@@ -161,14 +214,32 @@ class ReferenceShape {
 
   BodyJoints j_;
   Vector3d hips_, trunk_, neck_, head_, skull_, shoulder_, elbow_, wrist_, hip_, knee_, ankle_;
-  Vector3d forearm_, thick_, wide_, forward_, outward_;
+  Vector3d forearm_, forward_, outward_;
+  Eigen::Matrix3d hand_;
+  std::array<std::array<Vector3d, kFingerPoints>, kFingers.size()> fingers_;  ///< of the left hand
 };
 
 /// Edges are shorter where the shape has fine detail: face, head, hands, feet.
 double relative_edge_at(const Vector3d& p, const BodyJoints& joints) {
+  const double wrist = joints.at("left_wrist").x(), knuckles = joints.at("left_hand").x();
+  if (std::abs(p.x()) > wrist + 0.75 * (knuckles - wrist)) return 0.32;
   if (p.y() > joints.at("head").y() - 0.06) return p.z() > 0.02 ? 0.5 : 0.7;
-  if (std::abs(p.x()) > joints.at("left_wrist").x() - 0.03) return 0.6;
+  if (std::abs(p.x()) > wrist - 0.03) return 0.55;
   return p.y() < 0.1 ? 0.75 : 1.0;
+}
+
+/// The grid that the body is meshed with: finer where the fingers are, to tell them apart.
+GridLines body_lines(const BodyJoints& joints) {
+  constexpr double kCell = 0.009, kFingerCell = 0.0045, kMargin = 0.015;  // metres
+  const Vector3d low(-0.80, -0.05, -0.30), high(0.80, 1.78, 0.35);
+  GridLines lines = regular_lines(low, high, kCell);
+  for (const std::string side : {"left_", "right_"}) {
+    Eigen::AlignedBox3d fingers;
+    for (const Finger& finger : kFingers)
+      for (int k = 1; k <= kFingerPoints; ++k) fingers.extend(joints.at(finger_point(side, finger, k)));
+    refine_lines(lines, fingers.min().array() - kMargin, fingers.max().array() + kMargin, kFingerCell);
+  }
+  return lines;
 }
 
 }  // namespace
@@ -203,11 +274,12 @@ DistanceField reference_field() {
 }
 
 ReferenceBody make_reference_body(int num_vertices, int num_nodes) {
-  constexpr double kCell = 0.013, kSolidCell = 0.012, kGutter = 3.0 / 1024;  // metres, metres, of the texture
+  constexpr double kSolidCell = 0.012, kGutter = 3.0 / 1024;  // metres, metres, of the texture
   const DistanceField field = reference_field();
   ReferenceBody body;
   body.joints = reference_joints();
-  const TriangleMesh fine = mesh_field(field, {-0.80, -0.05, -0.30}, {0.80, 1.78, 0.35}, kCell);
+  const GridLines lines = body_lines(body.joints);
+  const TriangleMesh fine = mesh_field(field, lines);
   TriangleMesh mesh =
       coarsen(fine, field, num_vertices, [&](const Vector3d& p) { return relative_edge_at(p, body.joints); });
   unwrap(mesh, kGutter);

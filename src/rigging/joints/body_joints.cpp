@@ -177,9 +177,23 @@ const std::vector<std::string>& extra_point_names() {
     std::vector<std::string> all{"head_top", "nose"};
     const auto sided = both_sides({"eye", "ear", "hand", "fingertip", "toe_end", "heel"});
     all.insert(all.end(), sided.begin(), sided.end());
+    for (const char* side : {"left_", "right_"})
+      for (const Finger& finger : kFingers)
+        for (int k = 1; k <= kFingerPoints; ++k) all.push_back(finger_point(side, finger, k));
     return all;
   }();
   return names;
+}
+
+std::string finger_point(const std::string& side, const Finger& finger, int k) {
+  return side + finger.point + std::to_string(k);
+}
+
+bool has_fingers(const BodyJoints& joints, const std::string& side) {
+  for (const Finger& finger : kFingers)
+    for (int k = 1; k <= kFingerPoints; ++k)
+      if (!joints.has(finger_point(side, finger, k))) return false;
+  return true;
 }
 
 std::string other_side(const std::string& name) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -25,8 +26,27 @@ const std::vector<std::string>& body_joint_names();
 /// The twelve joints that must be given: shoulders, elbows, wrists, hips, knees, ankles.
 const std::vector<std::string>& limb_joint_names();
 /// Points that help where they are known: head_top, nose, left_/right_ eye, ear, hand (the knuckle of the middle
-/// finger), fingertip (of the middle finger), toe_end, heel.
+/// finger), fingertip (of the middle finger), toe_end, heel, and the points of the fingers (`finger_point`).
 const std::vector<std::string>& extra_point_names();
+
+/// A finger: its name in the points of BodyJoints, and in the names of bones.
+struct Finger {
+  const char* point;
+  const char* bone;
+};
+inline constexpr std::array<Finger, 5> kFingers{{{"thumb", "Thumb"},
+                                                 {"forefinger", "Index"},
+                                                 {"middle_finger", "Middle"},
+                                                 {"ring_finger", "Ring"},
+                                                 {"pinky_finger", "Pinky"}}};
+inline constexpr int kFingerPoints = 4;
+
+/// "left_forefinger2". Point 1 is the knuckle (of the thumb: the joint at the wrist), 2 and 3 are the joints of the
+/// finger, 4 is the tip.
+/// @param side "left_" or "right_" @param k 1 to 4
+std::string finger_point(const std::string& side, const Finger& finger, int k);
+/// Whether all 20 points of the fingers of a hand are known. @param side "left_" or "right_"
+bool has_fingers(const BodyJoints& joints, const std::string& side);
 
 /// The same name on the other side of the body: `left_knee` for `right_knee`; the name itself without a side.
 std::string other_side(const std::string& name);

@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "doppel/geometry/decompositions.h"
 #include "doppel/rigging/joints/body_skeleton.h"
+#include "doppel/rigging/joints/fingers.h"
 #include "doppel/rigging/joints/head_measures.h"
 
 namespace doppel {
@@ -108,34 +110,60 @@ Vector3d thumb_direction(const MarkerBuilder& b, const Side& side, const Vector3
   return wide.dot(ahead) < 0 ? Vector3d(-wide) : wide;
 }
 
-void add_hand_markers(MarkerBuilder& b, const Side& side) {
+/// The points of the fingers of a hand, which are known or follow from proportions.
+/// @return by their names in BodyJoints
+std::map<std::string, Vector3d> points_of_fingers(const MarkerBuilder& b, const Side& side) {
+  std::map<std::string, Vector3d> points;
+  if (has_fingers(b.joints, side.name)) {
+    for (const Finger& finger : kFingers)
+      for (int k = 1; k <= kFingerPoints; ++k)
+        points[finger_point(side.name, finger, k)] = b.joints.at(finger_point(side.name, finger, k));
+    return points;
+  }
   const Vector3d& wrist = b.joints.at(side.name + "wrist");
   const Vector3d hand = b.joints.at(side.name + "fingertip") - wrist;
   const double length = hand.norm();
   const Vector3d along = hand / length, thumb = thumb_direction(b, side, along, length);
-  const auto position = [&](double a, double t) { return Vector3d(wrist + length * (a * along + t * thumb)); };
-  const std::string bone = side.bone + "Hand";
-  b.add(side.name + "hand_root", bone, wrist);
-  constexpr std::array<std::array<double, 2>, 4> kThumb{{{0.13, 0.13}, {0.33, 0.24}, {0.48, 0.31}, {0.62, 0.35}}};
-  for (std::size_t k = 0; k < 4; ++k)
-    b.add(side.name + "thumb" + std::to_string(k + 1), bone, position(kThumb[k][0], kThumb[k][1]));
-  struct Finger {
-    const char* name;
-    double knuckle, tip, across_knuckle, across_tip;
+  // Positions along the hand and towards the thumb, of its length.
+  struct OnHand {
+    double along, across;
   };
-  constexpr std::array<Finger, 4> kFingers{{{"forefinger", 0.49, 0.93, 0.12, 0.15},
-                                            {"middle_finger", 0.49, 1.0, 0.02, 0.03},
-                                            {"ring_finger", 0.46, 0.94, -0.07, -0.08},
-                                            {"pinky_finger", 0.42, 0.79, -0.15, -0.18}}};
+  constexpr std::array<OnHand, 4> kThumb{{{0.13, 0.13}, {0.33, 0.24}, {0.48, 0.31}, {0.62, 0.35}}};
+  constexpr std::array<std::array<OnHand, 2>, 4> kKnuckleAndTip{{{{{0.49, 0.12}, {0.93, 0.15}}},
+                                                                 {{{0.49, 0.02}, {1.0, 0.03}}},
+                                                                 {{{0.46, -0.07}, {0.94, -0.08}}},
+                                                                 {{{0.42, -0.15}, {0.79, -0.18}}}}};
   constexpr std::array<double, 4> kJoint{0.0, 0.45, 0.75, 1.0};
-  for (const Finger& f : kFingers)
-    for (std::size_t k = 0; k < 4; ++k)
-      b.add(side.name + f.name + std::to_string(k + 1), bone,
-            position(f.knuckle + kJoint[k] * (f.tip - f.knuckle),
-                     f.across_knuckle + kJoint[k] * (f.across_tip - f.across_knuckle)));
-  b.add(side.name + "thumb", bone, position(kThumb[1][0], kThumb[1][1]));
-  b.add(side.name + "index", bone, position(kFingers[0].knuckle, kFingers[0].across_knuckle));
-  b.add(side.name + "pinky", bone, position(kFingers[3].knuckle, kFingers[3].across_knuckle));
+  for (std::size_t f = 0; f < kFingers.size(); ++f)
+    for (std::size_t k = 0; k < kFingerPoints; ++k) {
+      OnHand at = kThumb[k];
+      if (f > 0) {
+        const auto& [knuckle, tip] = kKnuckleAndTip[f - 1];
+        at = {knuckle.along + kJoint[k] * (tip.along - knuckle.along),
+              knuckle.across + kJoint[k] * (tip.across - knuckle.across)};
+      }
+      points[finger_point(side.name, kFingers[f], static_cast<int>(k) + 1)] =
+          wrist + length * (at.along * along + at.across * thumb);
+    }
+  return points;
+}
+
+void add_hand_markers(MarkerBuilder& b, const Side& side) {
+  const std::string hand = side.bone + "Hand";
+  const bool fingers = has_fingers(b.joints, side.name);
+  const std::map<std::string, Vector3d> points = points_of_fingers(b, side);
+  b.add(side.name + "hand_root", hand, b.joints.at(side.name + "wrist"));
+  for (const Finger& finger : kFingers)
+    for (int k = 1; k <= kFingerPoints; ++k) {
+      // A joint is where its bone begins; the tip is at the end of the last bone.
+      const std::string bone = fingers ? finger_bone(side.name, finger, std::min(k, kFingerBones)) : hand;
+      const std::string name = finger_point(side.name, finger, k);
+      b.add(name, bone, points.at(name));
+    }
+  // Layouts of the body have these three. They turn with the hand alone, so fingers stay still without finger points.
+  b.add(side.name + "thumb", hand, points.at(side.name + "thumb2"));
+  b.add(side.name + "index", hand, points.at(side.name + "forefinger1"));
+  b.add(side.name + "pinky", hand, points.at(side.name + "pinky_finger1"));
 }
 
 void add_arm_markers(MarkerBuilder& b, const Side& side) {
@@ -228,7 +256,7 @@ std::vector<int> region_labels(const TriangleMesh& mesh, const SkinningWeights& 
       labels.push_back(label_of_head(head.local(p)));
     else if (bone == "Neck")
       labels.push_back(kFace);
-    else if (ends("ForeArm") || ends("ForeArmRoll") || ends("Hand"))
+    else if (ends("ForeArm") || ends("ForeArmRoll") || bone.find("Hand") != std::string::npos)
       labels.push_back(kLeftArm + right);
     else if (ends("Foot") || ends("ToeBase"))
       labels.push_back(kLeftShoe + right);

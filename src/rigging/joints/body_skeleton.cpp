@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "doppel/core/error.h"
+#include "doppel/rigging/joints/fingers.h"
 
 namespace doppel {
 namespace {
@@ -191,6 +192,38 @@ LimbAngles leg_angles(const Vector3d& upper, const Vector3d& lower, const Vector
   return a;
 }
 
+/// A finger that spreads and bends at its knuckle; its two last joints bend together, as their tendon couples them.
+void add_finger(RestSkeleton& b, int hand, const BodyJoints& joints, const std::string& side, const Finger& finger) {
+  constexpr double kLastJoint = 0.67;  // its share of the bend of the joint before
+  const double s = side == "left_" ? 1 : -1;
+  const Vector3d ahead = -s * Vector3d::UnitY(), palmwards = -s * Vector3d::UnitZ();
+  const auto bone = [&](int k) { return finger_bone(side, finger, k); };
+  const auto point = [&](int k) { return joints.at(finger_point(side, finger, k)); };
+  int j = b.turning(bone(1) + "_ry", hand, point(1), ahead, 0, -0.35, 0.35);
+  j = b.turning(bone(1) + "_rz", j, point(1), palmwards, 0, -0.5, 1.6);
+  const int middle = b.sharing(bone(2) + "_rz", j, point(2), palmwards, 0);
+  const int last = b.sharing(bone(3) + "_rz", middle, point(3), palmwards, 0);
+  b.dof(bone(2) + "_rz", {{middle, 1.0}, {last, kLastJoint}}, 0, -0.1, 1.9);
+  b.fixed(bone(3) + "EE", last, point(4));
+}
+
+/// A thumb: it moves away from the palm in two directions at the wrist, and its two other joints bend across the palm.
+void add_thumb(RestSkeleton& b, int hand, const BodyJoints& joints, const std::string& side) {
+  const Finger& thumb = kFingers[0];
+  const double s = side == "left_" ? 1 : -1;
+  const Vector3d ahead = -s * Vector3d::UnitY(), palmwards = -s * Vector3d::UnitZ();
+  const auto bone = [&](int k) { return finger_bone(side, thumb, k); };
+  const auto point = [&](int k) { return joints.at(finger_point(side, thumb, k)); };
+  int j = b.turning(bone(1) + "_ry", hand, point(1), ahead, 0, -0.6, 0.5);
+  j = b.turning(bone(1) + "_rz", j, point(1), palmwards, 0, -0.5, 0.9);
+  // The tip moves towards the little finger and the palm alike.
+  const Vector3d along = b.rotation(j).transpose() * (point(4) - point(2)).normalized();
+  const Vector3d across = along.cross(Vector3d(0, -1, -1)).normalized();
+  j = b.turning(bone(2) + "_rx", j, point(2), across, 0, -0.3, 1.0);
+  j = b.turning(bone(3) + "_rx", j, point(3), across, 0, -0.3, 1.3);
+  b.fixed(bone(3) + "EE", j, point(4));
+}
+
 void add_arm(RestSkeleton& b, int chest, const BodyJoints& joints, bool left) {
   const std::string bone = left ? "Left" : "Right", side = left ? "left_" : "right_";
   const double s = left ? 1 : -1;
@@ -212,6 +245,9 @@ void add_arm(RestSkeleton& b, int chest, const BodyJoints& joints, bool left) {
   j = b.turning(bone + "Hand_rz", j, wrist, up, 0, -1.3, 1.2);
   j = b.turning(bone + "Hand_ry", j, wrist, ahead, 0, -0.6, 0.5);
   b.fixed(bone + "HandEE", j, at("fingertip"));
+  if (!has_fingers(joints, side)) return;
+  add_thumb(b, j, joints, side);
+  for (std::size_t f = 1; f < kFingers.size(); ++f) add_finger(b, j, joints, side, kFingers[f]);
 }
 
 void add_leg(RestSkeleton& b, int root, const BodyJoints& joints, bool left) {

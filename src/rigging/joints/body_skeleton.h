@@ -23,6 +23,9 @@ struct BodySkeleton {
 /// Joints and DoFs: Root (tx ty tz ry rz rx); Spine (rx rz ry, shared with Chest); Head (ry rz rx, shared with Neck);
 /// LeftShoulder (ry rz: the clavicle), LeftArm (rz ry rx), LeftForeArm (ry: flexion), LeftForeArmRoll (rx: twist),
 /// LeftHand (rz ry), LeftUpLeg (rx rz ry), LeftLeg (rx), LeftFoot (rx rz), LeftToeBase (rx), and the same on the right.
+/// A hand whose finger points are known also has LeftHandThumb1 (ry rz), LeftHandThumb2 (rx), LeftHandThumb3 (rx), and
+/// for Index, Middle, Ring and Pinky LeftHandIndex1 (ry: towards the thumb, rz: flexion), LeftHandIndex2 (rz, of which
+/// LeftHandIndex3 turns by 0.67): anatomical couplings and limits.
 /// A positive angle means the same on both sides: forwards, outwards or upwards, flexion. Limits are those of healthy
 /// adults, widened where the rest pose lies outside.
 /// @throws Error when a limb joint is missing (see complete_joints) or two neighbours coincide
