@@ -5,8 +5,10 @@
 #include <map>
 
 #include "detect_masks.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/detect/blazepose/mask_sharpening.h"
+#include "doppel/detect/hands/hand_search.h"
 #include "doppel/detect/keypoints/keypoint_table.h"
 #include "doppel/geometry/image_file.h"
 
@@ -32,18 +34,21 @@ std::string joint_rows(long frame, const BodyPose& pose) {
 /// Collects the results of one camera.
 class DetectTables {
  public:
-  void add(long frame, const std::optional<BodyPose>& pose) {
+  explicit DetectTables(bool with_hands) : layout_(mediapipe_layout(with_hands)) {}
+
+  /// @param hands nothing: the layout has none
+  void add(long frame, const std::optional<BodyPose>& pose, const std::optional<HandPair>& hands) {
     People& people = frames_[frame];
     ++report_.frames;
     if (!pose) return;
     ++report_.with_person;
-    people.push_back(person_of_pose(*pose));
+    people.push_back(hands ? person_of_pose(*pose, *hands) : person_of_pose(*pose));
     joints_ += joint_rows(frame, *pose);
-    for (const Keypoint& point : people[0]) confidence_ += point.confidence;
+    for (std::size_t i = 0; i < pose->landmarks.size(); ++i) confidence_ += people[0][i].confidence;
   }
 
   DetectReport write(const DetectFiles& files) {
-    write_keypoint_table(files.keypoints, mediapipe_layout(), frames_);
+    write_keypoint_table(files.keypoints, layout_, frames_);
     write_atomically(files.joints, "frame,index,name,x_mm,y_mm,z_mm\n" + joints_);
     if (report_.with_person > 0)
       report_.mean_confidence = confidence_ / static_cast<double>(report_.with_person * kNumBodyLandmarks);
@@ -51,6 +56,7 @@ class DetectTables {
   }
 
  private:
+  PointLayout layout_;
   std::map<long, People> frames_;
   std::string joints_;
   double confidence_ = 0.0;
@@ -65,7 +71,14 @@ cv::Mat mask_of_all(BodyDetector& detector, const cv::Mat& image) {
 
 }  // namespace
 
-PointLayout mediapipe_layout() { return {"mediapipe33", {kBodyLandmarkNames.begin(), kBodyLandmarkNames.end()}}; }
+PointLayout mediapipe_layout(bool with_hands) {
+  PointLayout layout{with_hands ? "mediapipe75" : "mediapipe33",
+                     {kBodyLandmarkNames.begin(), kBodyLandmarkNames.end()}};
+  if (!with_hands) return layout;
+  for (const std::string side : {"left_", "right_"})
+    for (const char* name : kHandPointNames) layout.points.push_back(side + name);
+  return layout;
+}
 
 Person person_of_pose(const BodyPose& pose) {
   Person person;
@@ -75,19 +88,33 @@ Person person_of_pose(const BodyPose& pose) {
   return person;
 }
 
-std::optional<DetectReport> detect_camera(const DetectSource& source, const DetectFiles& files, BodyDetector& detector,
-                                          const PersonGuide& guide, bool sharpen,
+Person person_of_pose(const BodyPose& pose, const HandPair& hands) {
+  Person person = person_of_pose(pose);
+  for (const HandSide side : kHandSides) {
+    const std::optional<HandPose>& hand = hands[as_size(side)];
+    for (std::size_t i = 0; i < as_size(kNumHandPoints); ++i)
+      person.push_back(hand ? Keypoint{static_cast<float>(hand->points[i].x()), static_cast<float>(hand->points[i].y()),
+                                       static_cast<float>(hand_confidence(*hand, pose, side))}
+                            : Keypoint());
+  }
+  return person;
+}
+
+std::optional<DetectReport> detect_camera(const DetectSource& source, const DetectFiles& files,
+                                          PersonDetectors& detectors, const PersonGuide& guide, bool sharpen,
                                           const std::function<bool()>& advance) {
   StaticBackground background;
   if (sharpen)
-    background = learn_background_of(source, [&](const cv::Mat& image) { return mask_of_all(detector, image); });
+    background = learn_background_of(source, [&](const cv::Mat& image) { return mask_of_all(detectors.body, image); });
   const auto images = open_frames(source.images, PixelFormat::colour);
-  BodyTracker tracker(detector, guide.start());
-  DetectTables tables;
+  BodyTracker tracker(detectors.body, guide.start());
+  DetectTables tables(detectors.hands.has_value());
   for (const long frame : source.frames) {
     const cv::Mat image = images->read(frame);
     const std::optional<BodyPose> pose = tracker.track(image, guide.at(frame));
-    tables.add(frame, pose);
+    std::optional<HandPair> hands;
+    if (detectors.hands && pose) hands = detectors.hands->read_hands(image, *pose);
+    tables.add(frame, pose, hands);
     if (!files.masks.empty()) {
       const cv::Mat mask = pose ? pose->mask : cv::Mat::zeros(image.size(), CV_8U);
       write_image(mask_file(files.masks, frame), sharpen ? sharpen_mask(image, mask, background) : mask);

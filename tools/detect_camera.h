@@ -6,6 +6,7 @@
 
 #include "detect_sources.h"
 #include "doppel/detect/blazepose/body_detector.h"
+#include "doppel/detect/hands/hand_detector.h"
 #include "doppel/detect/keypoints/keypoints.h"
 
 namespace doppel::tools {
@@ -20,19 +21,30 @@ struct DetectFiles {
 /// What was found in the images of one camera.
 struct DetectReport {
   long frames = 0, with_person = 0;
-  double mean_confidence = 0.0;  ///< of all points in frames with a person
+  double mean_confidence = 0.0;  ///< of all points of the body in frames with a person
 };
 
+/// The networks that read a person.
+struct PersonDetectors {
+  BodyDetector body;
+  std::optional<HandDetector> hands;  ///< nothing: hands are not read
+};
+
+/// MediaPipe's points: mediapipe33 of the body, or mediapipe75 of the body, the left and the right hand.
+PointLayout mediapipe_layout(bool with_hands);
 /// The landmarks of a pose as a person of the layout mediapipe33.
 Person person_of_pose(const BodyPose& pose);
-PointLayout mediapipe_layout();
+/// The same with the points of both hands: a person of the layout mediapipe75. Points of a hand that is not found have
+/// the confidence 0, the others hand_confidence.
+Person person_of_pose(const BodyPose& pose, const HandPair& hands);
 
 /// Follows one person through the images of a camera and writes the files when all frames are done.
 /// @param guide where the person is, as far as it is known
 /// @param sharpen whether masks get the resolution of the image (detect/blazepose/mask_sharpening.h)
 /// @param advance called after each frame; returns false to stop
 /// @return nothing when it was stopped; no table is written then
-std::optional<DetectReport> detect_camera(const DetectSource& source, const DetectFiles& files, BodyDetector& detector,
-                                          const PersonGuide& guide, bool sharpen, const std::function<bool()>& advance);
+std::optional<DetectReport> detect_camera(const DetectSource& source, const DetectFiles& files,
+                                          PersonDetectors& detectors, const PersonGuide& guide, bool sharpen,
+                                          const std::function<bool()>& advance);
 
 }  // namespace doppel::tools

@@ -46,7 +46,7 @@ struct DetectArguments {
   fs::path out;
   std::vector<std::string> person;  ///< words of --person
   bool masks = false, raw_masks = false, keep_keypoints = false;
-  std::optional<bool> mirror;  ///< nothing: as the model was chosen
+  std::optional<bool> mirror, hands;  ///< nothing: as the model was chosen
 
   bool has_network() const { return !network.empty() || !config.empty(); }
 };
@@ -69,12 +69,13 @@ CameraWorker worker_of(const DetectNetwork& chosen) {
   };
 }
 
-/// @param sharpen whether masks become sharp
-CameraWorker worker_of(const BodyDetectorOptions& options, bool sharpen) {
-  const auto detector = std::make_shared<BodyDetector>(options);
+/// @param hands whether they are read @param sharpen whether masks become sharp
+CameraWorker worker_of(const BodyDetectorOptions& options, bool hands, bool sharpen) {
+  const auto detectors = std::make_shared<PersonDetectors>(PersonDetectors{BodyDetector(options), {}});
+  if (hands) detectors->hands.emplace(options.threads);
   return [=](const DetectSource& source, const DetectFiles& files, const PersonGuide& guide,
              const std::function<bool()>& advance) {
-    return detect_camera(source, files, *detector, guide, sharpen, advance);
+    return detect_camera(source, files, *detectors, guide, sharpen, advance);
   };
 }
 
@@ -130,12 +131,13 @@ class DetectJob {
                 .masks = arguments.masks,
                 .mirror = arguments.mirror.value_or(accurate),
                 .models = {}};
+    hands_ = !network_ && arguments.hands.value_or(accurate);
     choose_person(several);
     sharpen_ = arguments.masks && !arguments.raw_masks && !network_;
     // A shard has not the masks of all cameras.
     compare_ = sharpen_ && shard_.count == 1;
     for (int i = 0; i < num_workers_ && !merging_; ++i)
-      workers_.push_back(network_ ? worker_of(*network_) : worker_of(options_, sharpen_));
+      workers_.push_back(network_ ? worker_of(*network_) : worker_of(options_, hands_, sharpen_));
   }
 
   /// @return whether all cameras are done; otherwise the user has stopped the job
@@ -180,7 +182,8 @@ class DetectJob {
     if (network_)
       json = {{"layout", network_->layout.name}, {"network", network_->options.network.model.string()}};
     else
-      json = {{"layout", "mediapipe33"}, {"model", arguments_.model}, {"package", kModelPackage.name}};
+      json = {{"layout", mediapipe_layout(hands_).name}, {"model", arguments_.model}, {"package", kModelPackage.name}};
+    if (hands_) json["hand_package"] = kHandPackage.name;
     json["cameras"] = Json::array();
     for (std::size_t i = 0; i < sources_.size(); ++i) {
       if (!reports_[i]) continue;
@@ -326,6 +329,7 @@ class DetectJob {
   bool merging_;
   std::vector<DetectSource> sources_;
   int sequences_ = 0;     ///< sources of another sequence than the first
+  bool hands_ = false;    ///< whether hands are read
   bool sharpen_ = false;  ///< whether masks become sharp
   bool compare_ = false;  ///< whether they are compared between the cameras
   PersonWish wish_;
@@ -355,7 +359,10 @@ void print_table(const Json& report) {
 /// The files of all cameras, and for a capture its description with these files. @return nothing: stopped
 std::optional<Json> detect(const DetectArguments& arguments, const CommonOptions& common) {
   if (!arguments.has_network() && !arguments.layout.empty())
-    fail<UsageError>("--layout belongs to --network; BlazePose has the layout mediapipe33");
+    fail<UsageError>("--layout belongs to --network; BlazePose has the layout mediapipe33, with --hands mediapipe75");
+  if (arguments.has_network() && arguments.hands.value_or(false))
+    fail<UsageError>(
+        "--hands belongs to BlazePose, and --network takes its place; a network of your own may find hands");
   check_detect_out(arguments.source, arguments.out);
   begin_work(common, arguments.out, [&] { return detect_inputs(arguments.source); });
   const FolderLock lock(arguments.out);
@@ -420,6 +427,9 @@ Command add_detect(CLI::App& program) {
       "--mirror,!--no-mirror", [arguments](std::int64_t count) { arguments->mirror = count > 0; },
       "Read each image in a mirror too and take the mean: more accurate, twice the time (default: for a capture of "
       "several cameras without --model)");
+  app->add_flag_function(
+      "--hands,!--no-hands", [arguments](std::int64_t count) { arguments->hands = count > 0; },
+      "Also find 21 points of each hand (default: for a capture of several cameras without --model)");
   app->add_flag("--masks", arguments->masks, "Also write masks: 255 on the person, 0 elsewhere");
   app->add_flag("--raw-masks", arguments->raw_masks, "With --masks: the network's probability of the person times 255");
   app->add_flag("--keep-keypoints", arguments->keep_keypoints,

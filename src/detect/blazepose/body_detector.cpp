@@ -1,7 +1,6 @@
 #include "doppel/detect/blazepose/body_detector.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "doppel/core/error.h"
 #include "doppel/detect/blazepose/network.h"
@@ -20,14 +19,6 @@ constexpr std::size_t kLeftHip = 23, kRightHip = 24;
 enum LandmarkOutput : std::size_t { kPoints, kPresence, kHeatmaps, kWorld, kMaskLogits };
 /// The same in the order of the file.
 const std::vector<std::size_t> kLandmarkOutputIndices = {0, 1, 3, 4, 2};
-
-void require_image(const cv::Mat& image) {
-  if (image.empty() || image.dims != 2 || image.type() != CV_8UC3)
-    fail<UsageError>(
-        "detecting people: found an image of {}x{} pixels with {} channels of {} bytes; allowed is 8-bit "
-        "BGR with at least one pixel",
-        image.cols, image.rows, image.channels(), image.elemSize1());
-}
 
 NetworkModel read_network(const PackageFile& file, const std::filesystem::path& folder,
                           const std::vector<TensorShape>& expected) {
@@ -58,10 +49,6 @@ NetworkModel read_landmarks(BlazePoseModel model, const std::filesystem::path& f
   std::vector<std::size_t> outputs = kLandmarkOutputIndices;
   if (!with_mask) outputs.pop_back();
   return keep_outputs(network, outputs);
-}
-
-bool all_finite(std::span<const float> values) {
-  return std::all_of(values.begin(), values.end(), [](float value) { return std::isfinite(value); });
 }
 
 }  // namespace

@@ -2,6 +2,9 @@
 
 #include <omp.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/detect/blazepose/network_edits.h"
@@ -83,6 +86,10 @@ void Network::run() {
 
 std::span<const float> Network::output(std::size_t index) const {
   return numbers_of(impl_->plan.outputs.at(index), output_shape(index));
+}
+
+bool all_finite(std::span<const float> values) {
+  return std::all_of(values.begin(), values.end(), [](float value) { return std::isfinite(value); });
 }
 
 }  // namespace doppel

@@ -34,4 +34,7 @@ class Network {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Whether all numbers of an output are finite.
+bool all_finite(std::span<const float> values);
+
 }  // namespace doppel

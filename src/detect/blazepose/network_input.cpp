@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
 
 namespace doppel {
 
@@ -34,6 +35,14 @@ inline void sample(const cv::Mat& image, const Taps& x, const Taps& y, float sca
 }
 
 }  // namespace
+
+void require_image(const cv::Mat& image) {
+  if (image.empty() || image.dims != 2 || image.type() != CV_8UC3)
+    fail<UsageError>(
+        "detecting people: found an image of {}x{} pixels with {} channels of {} bytes; allowed is 8-bit "
+        "BGR with at least one pixel",
+        image.cols, image.rows, image.channels(), image.elemSize1());
+}
 
 Letterbox letterbox_of(cv::Size image) {
   const double side = std::max(image.width, image.height);

@@ -7,6 +7,9 @@
 
 namespace doppel {
 
+/// @throws UsageError unless the image is 8-bit BGR, not empty
+void require_image(const cv::Mat& image);
+
 /// The square with the image's longer side around the image's centre.
 struct Letterbox {
   double side = 0.0, left = 0.0, top = 0.0;  ///< pixels of the image; left and top are 0 or negative

@@ -11,8 +11,10 @@ const std::map<std::string, NetworkOp>& network_operators() {
                                                              {"CONV_2D", NetworkOp::conv_2d},
                                                              {"DEPTHWISE_CONV_2D", NetworkOp::depthwise_conv_2d},
                                                              {"DEPTH_TO_SPACE", NetworkOp::depth_to_space},
+                                                             {"FULLY_CONNECTED", NetworkOp::fully_connected},
                                                              {"LOGISTIC", NetworkOp::logistic},
                                                              {"MAX_POOL_2D", NetworkOp::max_pool_2d},
+                                                             {"MEAN", NetworkOp::mean},
                                                              {"PAD", NetworkOp::pad},
                                                              {"RESHAPE", NetworkOp::reshape},
                                                              {"RESIZE_BILINEAR", NetworkOp::resize_bilinear}};

@@ -23,8 +23,10 @@ enum class NetworkOp {
   conv_2d,
   depthwise_conv_2d,
   depth_to_space,
+  fully_connected,
   logistic,
   max_pool_2d,
+  mean,
   pad,
   reshape,
   resize_bilinear
@@ -43,7 +45,7 @@ struct NetworkTensor {
 /// One step of a network.
 struct NetworkOperator {
   NetworkOp op = NetworkOp::add;
-  std::vector<int> inputs;  ///< tensors; a convolution has the image, the weights and the bias
+  std::vector<int> inputs;  ///< tensors; with weights: the values, the weights and the bias
   int output = 0;
   /// Convolutions and pooling: the step from window to window, and whether the windows begin outside of the image, such
   /// that the output has ceil(size / stride) pixels; otherwise all windows lie inside.
@@ -60,6 +62,8 @@ struct NetworkOperator {
 /// A network as a list of operators in the order of execution.
 /// - conv_2d: weights [outputs, height, width, inputs], bias [outputs].
 /// - depthwise_conv_2d: weights [1, height, width, channels], bias [channels]; one filter for each channel.
+/// - fully_connected: values [n, inputs], weights [outputs, inputs], bias [outputs].
+/// - mean: over the rows and columns of an image, [n, channels] or [n, 1, 1, channels].
 /// - resize_bilinear: pixel centres are at +0.5, and pixels beyond the border repeat it.
 /// - depth_to_space: the channels of a pixel are (row in the block, column in the block, output channel).
 struct NetworkModel {

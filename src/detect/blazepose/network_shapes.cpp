@@ -105,8 +105,12 @@ class ShapeCheck {
         return shape_of_convolution(step);
       case NetworkOp::depth_to_space:
         return shape_of_blocks(step);
+      case NetworkOp::fully_connected:
+        return shape_of_product(step);
       case NetworkOp::max_pool_2d:
         return shape_of_pooling(step);
+      case NetworkOp::mean:
+        return shape_of_mean(step);
       case NetworkOp::pad:
         return shape_of_padding(step);
       case NetworkOp::resize_bilinear:
@@ -153,11 +157,34 @@ class ShapeCheck {
     return {image[0], rows, columns, channels};
   }
 
-  TensorShape shape_of_convolution(const NetworkOperator& step) const {
+  /// Of an operator with weights.
+  void require_weights(const NetworkOperator& step) const {
     require_inputs(step, 3);
     for (const int constant : {step.inputs[1], step.inputs[2]}) {
       if (model_.tensors[constant].values == nullptr) fail_here("its input {} is no constant", name(constant));
     }
+  }
+
+  TensorShape shape_of_product(const NetworkOperator& step) const {
+    require_weights(step);
+    const TensorShape &values = shape_of(step.inputs[0]), &weights = shape_of(step.inputs[1]);
+    if (values.size() != 2 || weights.size() != 2 || values[1] != weights[1])
+      fail_here("its input is {} and its weights are {}, expected two axes and equal last ones", to_string(values),
+                to_string(weights));
+    if (shape_of(step.inputs[2]) != TensorShape{weights[0]})
+      fail_here("its bias is {} for {} outputs", to_string(shape_of(step.inputs[2])), weights[0]);
+    return {values[0], weights[0]};
+  }
+
+  TensorShape shape_of_mean(const NetworkOperator& step) const {
+    require_inputs(step, 1);
+    const TensorShape& image = image_shape(step);
+    if (shape_of(step.output).size() == 4) return {image[0], 1, 1, image[3]};
+    return {image[0], image[3]};
+  }
+
+  TensorShape shape_of_convolution(const NetworkOperator& step) const {
+    require_weights(step);
     const bool depthwise = step.op == NetworkOp::depthwise_conv_2d;
     const std::int64_t channels = image_shape(step)[3];
     const TensorShape &weights = shape_of(step.inputs[1]), &bias = shape_of(step.inputs[2]);

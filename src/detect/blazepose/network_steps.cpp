@@ -158,6 +158,10 @@ class StepPlanner {
         return convolution(step);
       case NetworkOp::depth_to_space:
         return depth_to_space(step);
+      case NetworkOp::fully_connected:
+        return product(step);
+      case NetworkOp::mean:
+        return mean(step);
       case NetworkOp::max_pool_2d:
         return clamped(max_pool(step), step);
       case NetworkOp::pad:
@@ -258,22 +262,50 @@ class StepPlanner {
     return result;
   }
 
-  Value max_pool(const NetworkOperator& step) {
+  /// @param shape of the result @param window rows and columns
+  Value pool(const NetworkOperator& step, dnnl::algorithm function, const TensorShape& shape, const Dims& window) {
     const Value from = value_of(step.inputs[0]);
-    const Borders zeros = borders_of(step, step.window_height, step.window_width);
-    const Desc any(logical(shape_of(step.output)), kFloat, kAnyLayout);
-    const Dims stride{step.stride_y, step.stride_x}, window{step.window_height, step.window_width};
+    const Borders zeros = borders_of(step, window[0], window[1]);
+    const Desc any(logical(shape), kFloat, kAnyLayout);
+    const Dims stride{step.stride_y, step.stride_x};
 #if DNNL_VERSION_MAJOR < 3
-    const auto described =
-        describe<dnnl::pooling_forward>(plan_.engine, {}, kInference, dnnl::algorithm::pooling_max,
-                                        from.memory.get_desc(), any, stride, window, zeros.before, zeros.after);
+    const auto described = describe<dnnl::pooling_forward>(
+        plan_.engine, {}, kInference, function, from.memory.get_desc(), any, stride, window, zeros.before, zeros.after);
 #else
-    const auto described = describe<dnnl::pooling_forward>(plan_.engine, {}, kInference, dnnl::algorithm::pooling_max,
-                                                           from.memory.get_desc(), any, stride, window, Dims{0, 0},
-                                                           zeros.before, zeros.after);
+    const auto described =
+        describe<dnnl::pooling_forward>(plan_.engine, {}, kInference, function, from.memory.get_desc(), any, stride,
+                                        window, Dims{0, 0}, zeros.before, zeros.after);
 #endif
     const Value to = result(described.dst_desc());
     add(dnnl::pooling_forward(described), {{DNNL_ARG_SRC, from}, {DNNL_ARG_DST, to}});
+    return to;
+  }
+
+  Value max_pool(const NetworkOperator& step) {
+    return pool(step, dnnl::algorithm::pooling_max, shape_of(step.output), {step.window_height, step.window_width});
+  }
+
+  /// The mean of the window that is the whole image.
+  Value mean(const NetworkOperator& step) {
+    const TensorShape& image = shape_of(step.inputs[0]);
+    const TensorShape pixel{image[0], 1, 1, image[3]};
+    const Value found = pool(step, dnnl::algorithm::pooling_avg_exclude_padding, pixel, {image[1], image[2]});
+    return view(in_layout(found, in_order(pixel)), in_order(shape_of(step.output)));
+  }
+
+  Value product(const NetworkOperator& step) {
+    const auto any = [&](int tensor) { return Desc(logical(shape_of(tensor)), kFloat, kAnyLayout); };
+    const Desc result_in_order = in_order(shape_of(step.output)), bias = in_order(shape_of(step.inputs[2]));
+    const auto described = describe<dnnl::inner_product_forward>(plan_.engine, activation(step), kInference,
+                                                                 in_order(shape_of(step.inputs[0])),
+                                                                 any(step.inputs[1]), bias, result_in_order);
+    const Value from = in_order_of_file(step.inputs[0]);
+    const Value to = result(result_in_order);
+    const dnnl::memory weights = constant(step.inputs[1], in_order(shape_of(step.inputs[1])));
+    add(dnnl::inner_product_forward(described), {{DNNL_ARG_SRC, from},
+                                                 {DNNL_ARG_WEIGHTS, {packed(weights, described.weights_desc()), {}}},
+                                                 {DNNL_ARG_BIAS, {constant(step.inputs[2], bias), {}}},
+                                                 {DNNL_ARG_DST, to}});
     return to;
   }
 

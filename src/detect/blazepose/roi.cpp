@@ -34,9 +34,13 @@ Eigen::Vector2d BodyRoi::roi_from_image(const Eigen::Vector2d& pixel) const {
   return axes().transpose() * (pixel - centre) / side + Eigen::Vector2d(0.5, 0.5);
 }
 
+double upright_rotation(const Eigen::Vector2d& up) {
+  return wrapped(0.5 * std::numbers::pi - std::atan2(-up.y(), up.x()));
+}
+
 BodyRoi body_roi(const Eigen::Vector2d& centre, const Eigen::Vector2d& rim) {
   const Eigen::Vector2d up = rim - centre;
-  return {centre, 2.0 * up.norm() * kRoiMargin, wrapped(0.5 * std::numbers::pi - std::atan2(-up.y(), up.x()))};
+  return {centre, 2.0 * up.norm() * kRoiMargin, upright_rotation(up)};
 }
 
 }  // namespace doppel

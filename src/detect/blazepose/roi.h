@@ -4,7 +4,7 @@
 
 namespace doppel {
 
-/// A square, turned region of an image that holds one person: what the landmark network sees.
+/// A square, turned region of an image that holds one person or one hand: what a landmark network sees.
 struct BodyRoi {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< pixels, first pixel centre at (0.5, 0.5)
   double side = 0.0;                                 ///< pixels
@@ -20,9 +20,12 @@ struct BodyRoi {
   Eigen::Vector2d roi_from_image(const Eigen::Vector2d& pixel) const;
 };
 
+/// The rotation of a region whose upper side faces the direction `up` of the image: pi/2 - atan2(-up.y, up.x).
+double upright_rotation(const Eigen::Vector2d& up);
+
 /// The region around a person whose middle of the hips is `centre`. The circle through `rim` around `centre` holds the
 /// whole person, and `rim` is above the head: the side is 2.5 times the distance, and the region's upper side faces
-/// `rim`. rotation = pi/2 - atan2(-(rim.y - centre.y), rim.x - centre.x).
+/// `rim`.
 BodyRoi body_roi(const Eigen::Vector2d& centre, const Eigen::Vector2d& rim);
 
 }  // namespace doppel

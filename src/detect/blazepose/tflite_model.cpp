@@ -219,7 +219,8 @@ class TfliteReader {
     if (known == network_operators().end())
       fail_read(
           "{}: this operator is not known; known are ADD, CONCATENATION, CONV_2D, DENSIFY, DEPTHWISE_CONV_2D, "
-          "DEPTH_TO_SPACE, DEQUANTIZE, LOGISTIC, MAX_POOL_2D, PAD, RESHAPE and RESIZE_BILINEAR",
+          "DEPTH_TO_SPACE, DEQUANTIZE, FULLY_CONNECTED, LOGISTIC, MAX_POOL_2D, MEAN, PAD, RESHAPE and "
+          "RESIZE_BILINEAR",
           what);
     result.op = known->second;
     read_options(stored, result, what);
@@ -239,10 +240,11 @@ class TfliteReader {
     to.values = from.values;
   }
 
-  /// Sizes of RESIZE_BILINEAR and RESHAPE follow from the output; those of PAD are read with the options.
+  /// Sizes of RESIZE_BILINEAR and RESHAPE follow from the output; the numbers of PAD and MEAN are read with the
+  /// options.
   void drop_integer_inputs(NetworkOperator& step) const {
-    const bool has_numbers =
-        step.op == NetworkOp::pad || step.op == NetworkOp::reshape || step.op == NetworkOp::resize_bilinear;
+    const bool has_numbers = step.op == NetworkOp::pad || step.op == NetworkOp::mean || step.op == NetworkOp::reshape ||
+                             step.op == NetworkOp::resize_bilinear;
     if (has_numbers && step.inputs.size() == 2 && integers_.contains(step.inputs[1])) step.inputs.pop_back();
   }
 
@@ -258,6 +260,10 @@ class TfliteReader {
         const tflite::AddOptions* options = stored.options_as_AddOptions();
         return options == nullptr ? void() : read_activation(options->activation(), step, what);
       }
+      case NetworkOp::fully_connected:
+        return read_matrix(stored.options_as_FullyConnectedOptions(), step, what);
+      case NetworkOp::mean:
+        return check_mean(step, what);
       case NetworkOp::concatenation:
         return read_concatenation(stored.options_as_ConcatenationOptions(), step, what);
       case NetworkOp::depth_to_space:
@@ -318,6 +324,20 @@ class TfliteReader {
       fail_read("{} needs options without an activation", what);
     const auto axes = static_cast<int>(model_.tensors[step.output].shape.size());
     step.axis = options->axis() < 0 ? options->axis() + axes : options->axis();
+  }
+
+  void read_matrix(const tflite::FullyConnectedOptions* options, NetworkOperator& step, const std::string& what) const {
+    if (options == nullptr || options->weights_format() != 0) fail_read("{} needs options, and weights in rows", what);
+    read_activation(options->activation(), step, what);
+  }
+
+  void check_mean(const NetworkOperator& step, const std::string& what) const {
+    const auto numbers = step.inputs.size() == 2 ? integers_.find(step.inputs[1]) : integers_.end();
+    std::vector<std::int32_t> axes;
+    if (numbers != integers_.end()) axes = numbers->second;
+    for (std::int32_t& axis : axes) axis += axis < 0 ? 4 : 0;
+    std::sort(axes.begin(), axes.end());
+    if (axes != std::vector<std::int32_t>{1, 2}) fail_read("{} must be over the axes 1 and 2 of an image", what);
   }
 
   void read_block(const tflite::DepthToSpaceOptions* options, NetworkOperator& step, const std::string& what) const {

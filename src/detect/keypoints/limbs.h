@@ -22,7 +22,8 @@ inline constexpr std::array<NamedLimb, 12> kBodyLimbs{{{"left_shoulder", "left_e
                                                        {"left_knee", "left_ankle"},
                                                        {"right_knee", "right_ankle"}}};
 
-/// The lines of a stick figure: the limbs, the feet and the head, as far as both ends are among the points.
+/// The lines of a stick figure: the limbs, the feet, the head and the fingers, as far as both ends are among the
+/// points.
 /// @param names of the points, in any spelling (landmark_key) @return pairs of indices
 std::vector<std::array<int, 2>> sticks_between(const std::vector<std::string>& names);
 

@@ -186,6 +186,42 @@ TEST(Network, AddClampsItsSum) {
   for (std::size_t i = 0; i < 60; ++i) EXPECT_FLOAT_EQ(found[i], std::max(0.0f, image.values[i] + other[i]));
 }
 
+TEST(Network, FullyConnectedIsTheClampedProductWithItsWeights) {
+  const int inputs = 19, outputs = 7;
+  const Values x = random_values(inputs, 14), weights = random_values(std::size_t(inputs) * outputs, 15),
+               bias = random_values(outputs, 16);
+  SmallModel model;
+  const int in = model.tensor({1, inputs}), out = model.tensor({1, outputs});
+  tflite::FullyConnectedOptionsT options;
+  options.activation = tflite::Activation::RELU_N1_TO_1;
+  model.step(Op::FULLY_CONNECTED, {in, model.constant({outputs, inputs}, weights), model.constant({outputs}, bias)},
+             out, options);
+  const Values found = run_network(model.file({in}, {out}), x);
+  ASSERT_EQ(found.size(), std::size_t(outputs));
+  for (std::size_t o = 0; o < found.size(); ++o) {
+    double sum = bias[o];
+    for (std::size_t i = 0; i < x.size(); ++i) sum += weights[o * x.size() + i] * x[i];
+    EXPECT_NEAR(found[o], std::clamp(sum, -1.0, 1.0), 1e-5) << o;
+  }
+}
+
+/// @param shape of the result
+Values mean_over_rows_and_columns(const Image& image, const std::vector<std::int32_t>& axes,
+                                  const std::vector<int>& shape) {
+  SmallModel model;
+  const int in = model.tensor(image.shape()), out = model.tensor(shape);
+  model.step(Op::MEAN, {in, model.integers({2}, axes)}, out);
+  return run_network(model.file({in}, {out}), image.values);
+}
+
+TEST(Network, MeanIsOverRowsAndColumns) {
+  const Image image(3, 5, 19, 17);
+  Values expected(19, 0.0f);
+  for (std::size_t i = 0; i < image.values.size(); ++i) expected[i % 19] += image.values[i] / 15;
+  EXPECT_THAT(mean_over_rows_and_columns(image, {1, 2}, {1, 19}), Pointwise(FloatNear(1e-6f), expected));
+  EXPECT_THAT(mean_over_rows_and_columns(image, {-2, -3}, {1, 1, 1, 19}), Pointwise(FloatNear(1e-6f), expected));
+}
+
 TEST(Network, PadAddsZerosOnEveryAxis) {
   const Image image(2, 3, 4, 10);
   const Image expected(6, 4, 11, [&](int y, int x, int c) { return c >= 2 && c < 6 ? image.at(y - 1, x, c - 2) : 0; });

@@ -14,6 +14,7 @@
 namespace doppel::tflite_model_test {
 namespace {
 
+using support::mean_and_product_network;
 using support::mixed_network;
 using support::SmallModel;
 using Op = tflite::BuiltinOperator;
@@ -60,18 +61,19 @@ TEST_F(TfliteFile, SurvivesHostileFiles) {
 }
 
 TEST_F(TfliteFile, SurvivesEveryChangedByte) {
-  const std::string valid = mixed_network();
-  std::size_t refused = 0;
-  for (std::size_t i = 0; i < valid.size(); ++i) {
-    for (const int change : {0x01, 0x80, 0xff}) {
-      std::string broken = valid;
-      broken[i] = static_cast<char>(broken[i] ^ change);
-      const std::string message =
-          support::expect_rejects_or_reads("byte " + std::to_string(i), [&] { Network(read(broken)).run(); });
-      refused += !message.empty();
+  for (const std::string& valid : {mixed_network(), mean_and_product_network()}) {
+    std::size_t refused = 0;
+    for (std::size_t i = 0; i < valid.size(); ++i) {
+      for (const int change : {0x01, 0x80, 0xff}) {
+        std::string broken = valid;
+        broken[i] = static_cast<char>(broken[i] ^ change);
+        const std::string message =
+            support::expect_rejects_or_reads("byte " + std::to_string(i), [&] { Network(read(broken)).run(); });
+        refused += !message.empty();
+      }
     }
+    EXPECT_GT(refused, valid.size() / 4);
   }
-  EXPECT_GT(refused, valid.size() / 4);
 }
 
 TEST_F(TfliteFile, NamesAnUnknownOperator) {
@@ -145,6 +147,28 @@ TEST_F(TfliteFile, RefusesOtherKindsOfResizing) {
   const int in = model.tensor({1, 2, 2, 1}), out = model.tensor({1, 4, 4, 1});
   model.step(Op::RESIZE_BILINEAR, {in, model.integers({2}, {4, 4})}, out, tflite::ResizeBilinearOptionsT());
   EXPECT_THAT(complaint(model.file({in}, {out})), HasSubstr("must have half-pixel centres"));
+}
+
+TEST_F(TfliteFile, RefusesMeansOverOtherAxes) {
+  SmallModel model;
+  const int in = model.tensor({1, 4, 4, 2}), out = model.tensor({1, 4, 4}), axes = model.integers({1}, {3});
+  model.step(Op::MEAN, {in, axes}, out);
+  EXPECT_THAT(complaint(model.file({in}, {out})), HasSubstr("must be over the axes 1 and 2 of an image"));
+}
+
+TEST_F(TfliteFile, RefusesProductsThatDoNotFit) {
+  SmallModel model;
+  const int in = model.tensor({1, 4}), out = model.tensor({1, 2}), weights = model.constant({2, 3}, {1, 2, 3, 4, 5, 6}),
+            bias = model.constant({2}, {0, 0});
+  tflite::FullyConnectedOptionsT options;
+  model.step(Op::FULLY_CONNECTED, {in, weights, bias}, out, options);
+  EXPECT_THAT(complaint(model.file({in}, {out})), HasSubstr("its input is 1x4 and its weights are 2x3"));
+  model.stored(in).shape = {1, 3};
+  model.stored(bias).shape = {1, 2};
+  EXPECT_THAT(complaint(model.file({in}, {out})), HasSubstr("its bias is 1x2 for 2 outputs"));
+  options.weights_format = 1;
+  model.graph().operators[0]->options.Set(std::move(options));
+  EXPECT_THAT(complaint(model.file({in}, {out})), HasSubstr("needs options, and weights in rows"));
 }
 
 TEST_F(TfliteFile, RefusesDilations) {

@@ -33,12 +33,12 @@ Person numbered(int count) {
 }
 
 const std::map<std::string, std::size_t> kNumberOfPoints{
-    {"body25", 25},    {"body25b", 25},       {"coco17", 17},      {"coco18", 18}, {"halpe26", 26},
-    {"halpe136", 136}, {"wholebody133", 133}, {"mediapipe33", 33}, {"h36m17", 17}, {"mhr70", 70}};
+    {"body25", 25},        {"body25b", 25},     {"coco17", 17},      {"coco18", 18}, {"halpe26", 26}, {"halpe136", 136},
+    {"wholebody133", 133}, {"mediapipe33", 33}, {"mediapipe75", 75}, {"h36m17", 17}, {"mhr70", 70}};
 
 TEST(KeypointMaps, BuiltInOnesHaveTheirNumbersOfPoints) {
   EXPECT_THAT(builtin_keypoint_maps(), ElementsAre("body25", "body25b", "coco17", "coco18", "halpe26", "halpe136",
-                                                   "wholebody133", "mediapipe33", "h36m17", "mhr70"));
+                                                   "wholebody133", "mediapipe33", "mediapipe75", "h36m17", "mhr70"));
   for (const auto& [name, count] : kNumberOfPoints) {
     const KeypointMap map = read_keypoint_map(name);
     EXPECT_EQ(map.layout.name, name);
@@ -64,12 +64,12 @@ TEST(KeypointMaps, BuiltInOnesPutLandmarksInTheirPositions) {
     return read_keypoint_map(map).find(landmark)->points;
   };
   const std::map<std::string, int> right_wrist{
-      {"body25", 4},    {"body25b", 10},      {"coco17", 10},      {"coco18", 4},  {"halpe26", 10},
-      {"halpe136", 10}, {"wholebody133", 10}, {"mediapipe33", 16}, {"h36m17", 16}, {"mhr70", 41}};
+      {"body25", 4},        {"body25b", 10},     {"coco17", 10},      {"coco18", 4},  {"halpe26", 10}, {"halpe136", 10},
+      {"wholebody133", 10}, {"mediapipe33", 16}, {"mediapipe75", 16}, {"h36m17", 16}, {"mhr70", 41}};
   for (const auto& [map, index] : right_wrist) EXPECT_THAT(indices(map.c_str(), "RWrist"), ElementsAre(index)) << map;
   const std::map<std::string, int> left_ankle{
-      {"body25", 14},   {"body25b", 15},      {"coco17", 15},      {"coco18", 13}, {"halpe26", 15},
-      {"halpe136", 15}, {"wholebody133", 15}, {"mediapipe33", 27}, {"h36m17", 6},  {"mhr70", 13}};
+      {"body25", 14},       {"body25b", 15},     {"coco17", 15},      {"coco18", 13}, {"halpe26", 15}, {"halpe136", 15},
+      {"wholebody133", 15}, {"mediapipe33", 27}, {"mediapipe75", 27}, {"h36m17", 6},  {"mhr70", 13}};
   for (const auto& [map, index] : left_ankle) EXPECT_THAT(indices(map.c_str(), "LAnkle"), ElementsAre(index)) << map;
   EXPECT_THAT(indices("halpe26", "MidHip"), ElementsAre(19));
   EXPECT_THAT(indices("h36m17", "MidHip"), ElementsAre(0));
@@ -80,6 +80,7 @@ TEST(KeypointMaps, BuiltInOnesPutLandmarksInTheirPositions) {
   EXPECT_THAT(indices("mhr70", "LHeel"), ElementsAre(17));
   EXPECT_THAT(indices("mhr70", "right_thumb1"), ElementsAre(24)) << "the third joint from the tip";
   EXPECT_THAT(indices("wholebody133", "right_thumb4"), ElementsAre(116));
+  EXPECT_THAT(indices("mediapipe75", "right_thumb4"), ElementsAre(58));
   EXPECT_THAT(indices("coco17", "RHeel"), ElementsAre());
   EXPECT_THAT(indices("body25b", "HeadTop"), ElementsAre(18));
 }

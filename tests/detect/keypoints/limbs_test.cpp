@@ -8,6 +8,8 @@ namespace {
 TEST(Limbs, SticksNeedBothEnds) {
   EXPECT_EQ(sticks_between({"LElbow", "RElbow", "left_wrist", "Left Shoulder"}),
             (std::vector<std::array<int, 2>>{{3, 0}, {0, 2}}));
+  EXPECT_EQ(sticks_between({"left_thumb2", "left_hand_root", "right_thumb1", "left_thumb1"}),
+            (std::vector<std::array<int, 2>>{{1, 3}, {3, 0}}));
   EXPECT_TRUE(sticks_between({}).empty());
 }
 
