@@ -65,7 +65,9 @@ def main():
         vertices = torch.cat([actor(window[None]) for window in windows])
         np.save(out_path, vertices.numpy())
         print(f"{about['name']}: {len(vertices)} frames of {about['num_vertices']} vertices, {about['units']}")
-        if len(sys.argv) > 4:
+        if len(sys.argv) > 4 and not hasattr(actor, "textured"):
+            print(f"{about['name']} has no dynamic texture, so {sys.argv[4]} is not drawn")
+        elif len(sys.argv) > 4:
             projection = look_at(vertices[-1])
             posed, texture = actor.textured(windows[-1:], projection)
             arrays = [np.load(io.BytesIO(extra[name])) for name in ("faces.npy", "uvs.npy", "face_uvs.npy")]

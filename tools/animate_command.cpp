@@ -24,6 +24,7 @@
 #include "doppel/character/bvh.h"
 #include "doppel/character/character.h"
 #include "doppel/character/loop_motion.h"
+#include "doppel/character/resample_motion.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
@@ -55,7 +56,7 @@ struct AnimateOptions {
   // The figure for other programs.
   std::string names = "skeletool";
   FigureRights rights;
-  int morphs = 8;
+  std::optional<int> morphs;
   double tolerance_mm = 0.1;
   bool loop = false;
 
@@ -64,7 +65,50 @@ struct AnimateOptions {
 
 // ---- the motion ----
 
-MotionFileOptions motion_options(const AnimateOptions& options, double fps) {
+/// The rates of an animation, frames per second.
+struct Rates {
+  double source = 0.0;    ///< of the rows of a `.motion`, which the file does not state; 0: unknown
+  double training = 0.0;  ///< of the actor; 0: skinning alone has none
+  double result = 0.0;    ///< 0: that of the motion's file
+};
+
+/// The rate at which the motion is read. Windows hold poses at the rate of the training; where this does not divide the
+/// rate of the result, they are interpolated between frames that are at most a quarter as far apart.
+/// @return a multiple of the rate of the result; 0: that of the motion's file
+double reading_rate(const Rates& rates) {
+  constexpr double kFiner = 4.0, kMaxRate = 1000.0;
+  const double poses = rates.training > 0 ? rates.result / rates.training : 1.0;
+  if (poses >= 1.0 && std::abs(poses - std::round(poses)) < 1e-6) return rates.result;
+  const double wanted = std::ceil(kFiner / poses - 1e-6), possible = std::floor(kMaxRate / rates.result);
+  return rates.result * std::max(1.0, std::min(wanted, possible));
+}
+
+/// The rate that `--source-fps`, or for a `.motion` the list of imported motions, states; 0: none.
+double stated_rate(const AnimateOptions& options) {
+  if (options.source_fps > 0) return options.source_fps;
+  return is_foreign_motion(options.motion) ? 0.0 : imported_rate(options.motion).value_or(0.0);
+}
+
+/// @param training of the actor, or nothing
+Rates rates_of(const AnimateOptions& options, std::optional<double> training) {
+  Rates rates;
+  rates.source = stated_rate(options);
+  rates.training = training.value_or(0.0);
+  rates.result = options.fps > 0 ? options.fps : rates.training;
+  if (rates.source > 0 || is_foreign_motion(options.motion)) return rates;
+  rates.source = rates.training;
+  if (options.fps > 0 && training)
+    log::info("{}: its rows are taken as {:g} frames a second, as in the training; --source-fps states another rate",
+              options.motion, *training);
+  else if (options.fps > 0)
+    log::warn(
+        "{} states no rate, so its rows are taken as {:g} frames a second: --fps alters the speed of the motion; "
+        "--source-fps states the rate of the rows, and the motion is resampled",
+        options.motion, options.fps);
+  return rates;
+}
+
+MotionFileOptions motion_options(const AnimateOptions& options, const Rates& rates) {
   MotionFileOptions result;
   result.map = options.map;
   result.source_skeleton = options.source_skeleton;
@@ -72,8 +116,8 @@ MotionFileOptions motion_options(const AnimateOptions& options, double fps) {
   result.source.person = options.person;
   if (!options.up.empty()) result.source.up = options.up[0];
   if (options.unit > 0) result.source.metres_per_unit = options.unit;
-  result.source.frames_per_second = options.source_fps;
-  result.frames_per_second = fps;
+  result.source.frames_per_second = rates.source;
+  result.frames_per_second = reading_rate(rates);
   return result;
 }
 
@@ -107,10 +151,9 @@ void log_retargeting(const RetargetResult& result, int frames) {
 }
 
 /// The motion of the character: read from its file, or retargeted from another body.
-/// @param fps of the result; 0: that of the file
-MotionFromFile driven_motion(const AnimateOptions& options, const Character& character, double fps,
+MotionFromFile driven_motion(const AnimateOptions& options, const Character& character, const Rates& rates,
                              nlohmann::json& report) {
-  MotionFromFile read = read_motion_file(options.motion, character, motion_options(options, fps));
+  MotionFromFile read = read_motion_file(options.motion, character, motion_options(options, rates));
   for (const std::string& note : read.notes) log::info("{}: {}", options.motion, note);
   for (const std::string& warning : read.warnings) log::warn("{}: {}", options.motion, warning);
   if (read.guessed_map) write_guessed_map(options, *read.guessed_map);
@@ -317,18 +360,18 @@ Performer make_performer(const AnimateOptions& options) {
   return performer;
 }
 
-void perform(const AnimateOptions& options, const Performer& performer, const Motion& motion,
+void perform(const AnimateOptions& options, const Performer& performer, const Motion& motion, const FrameSteps& steps,
              const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile& profile) {
   TrainedActor* actor = performer.trained.get();
   if (!actor)
-    return animate(performer.character, motion, performer.file ? &*performer.file : nullptr, writers, &profile);
+    return animate(performer.character, motion, performer.file ? &*performer.file : nullptr, writers, &profile, steps);
   const bool radiance = options.renderer == "radiance";
   animate(
       performer.character, motion, actor->past_frames(),
       [actor, radiance](const torch::Tensor& windows) {
         return radiance ? actor->refined(windows) : actor->fine(windows);
       },
-      writers, &profile);
+      writers, &profile, steps);
 }
 
 /// The rate that was reached, and the time of each part of a frame.
@@ -426,26 +469,30 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
   return writers;
 }
 
+/// Gives the joints of a clip the names of --names. An End Site is called as its parent.
+void rename_joints(const Character& character, BoneNames names, BvhClip& clip) {
+  const std::map<std::string, std::string> renamed = renamed_bones(character, names);
+  const std::string end = "_end";
+  for (BvhJoint& joint : clip.joints) {
+    const bool site = joint.channels.empty() && joint.name.size() > end.size() &&
+                      joint.name.compare(joint.name.size() - end.size(), end.size(), end) == 0;
+    const std::string bone = site ? joint.name.substr(0, joint.name.size() - end.size()) : joint.name;
+    if (const auto found = renamed.find(bone); found != renamed.end()) joint.name = found->second + (site ? end : "");
+  }
+}
+
 void write_motions(const AnimateOptions& options, const Character& character, const Motion& motion, double fps) {
   const fs::path folder(options.out);
   if (options.wants("motion")) write_motion(folder / "driven.motion", motion);
-  if (options.wants("bvh"))
-    write_bvh(folder / "driven.bvh", bvh_from_motion(character.skeleton, motion, fps, character.rest_dofs));
+  if (!options.wants("bvh")) return;
+  BvhClip clip = bvh_from_motion(character.skeleton, motion, fps, character.rest_dofs);
+  rename_joints(character, bone_names(options), clip);
+  write_bvh(folder / "driven.bvh", clip);
 }
 
-/// The rate that is asked for, else that of the training; 0: that of the motion's file.
-double frame_rate(const AnimateOptions& options, const Performer& performer) {
-  if (options.fps > 0) return options.fps;
-  const std::optional<double> trained = performer.frames_per_second();
-  // Motions of other bodies are resampled. Those of the character itself are played row by row.
-  const std::optional<double> imported =
-      is_foreign_motion(options.motion) ? std::nullopt : imported_rate(options.motion);
-  if (trained && imported && *imported != *trained)
-    log::warn(
-        "{} has {:g} frames per second, but the actor was trained at {:g}, so it will seem to move slowly or fast; "
-        "import the motion with --fps {:g}",
-        options.motion, *imported, *trained, *trained);
-  return trained.value_or(0.0);
+/// @param motion, result frames per second of the motion that was read and of the animation
+FrameSteps frame_steps(const Rates& rates, double motion, double result) {
+  return {motion / result, rates.training > 0 ? motion / rates.training : 1.0};
 }
 
 /// Half a second, but at most a quarter of the motion.
@@ -456,6 +503,7 @@ int blended_frames(const Motion& motion, double fps) {
 nlohmann::json figure_json(const FigureReport& figure) {
   return {{"nodes", figure.nodes},
           {"morphs", figure.morphs},
+          {"morphs_at_once", figure.morphs_at_once},
           {"keys", figure.keys},
           {"mean_error_mm", figure.mean_error_mm},
           {"worst_error_mm", figure.worst_error_mm},
@@ -465,8 +513,19 @@ nlohmann::json figure_json(const FigureReport& figure) {
 nlohmann::json rig_json(const SplatRigReport& rig) {
   nlohmann::json json = figure_json(rig.figure);
   json.erase("morphs");
+  json.erase("morphs_at_once");
   json["gaussians"] = rig.gaussians;
   return json;
+}
+
+/// @param chosen --morphs, or nothing
+void warn_of_targets(const FigureReport& figure, std::optional<int> chosen) {
+  if (!figure.morphs_exhausted) return;
+  log::warn(
+      "the file has {} morph targets, of which at most {} move at once, and more than 256 are not written: vertices "
+      "are off by {:.2f} mm on average and {:.1f} mm at most; {}a shorter clip has a nearer surface",
+      figure.morphs, figure.morphs_at_once, figure.mean_error_mm, figure.worst_error_mm,
+      chosen && *chosen < 256 ? "a larger --morphs, or none, or " : "");
 }
 
 /// A line for each file with bones.
@@ -475,8 +534,9 @@ std::string files_text(const AnimateOptions& options, const FileReports& reports
   const FigureReport &figure = reports.figure, &rig = reports.rig.figure;
   if (options.wants("glb"))
     text += fmt::format(
-        "animation.glb: {} bones, {} morph targets; vertices off by {:.2f} mm on average, {:.1f} mm at most\n",
-        figure.nodes, figure.morphs, figure.mean_error_mm, figure.worst_error_mm);
+        "animation.glb: {} bones, {} morph targets of which at most {} move at once; vertices off by {:.2f} mm on "
+        "average, {:.1f} mm at most\n",
+        figure.nodes, figure.morphs, figure.morphs_at_once, figure.mean_error_mm, figure.worst_error_mm);
   if (options.wants("splat-rig"))
     text +=
         fmt::format("splats_rig.glb: {} bones, {} Gaussians; centres off by {:.2f} mm on average, {:.1f} mm at most\n",
@@ -488,32 +548,37 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
   const Performer performer = make_performer(options);
   const Character& character = performer.character;
   nlohmann::json report;
-  const MotionFromFile read = driven_motion(options, character, frame_rate(options, performer), report);
-  const double fps = read.frames_per_second;
+  const Rates rates = rates_of(options, performer.frames_per_second());
+  const MotionFromFile read = driven_motion(options, character, rates, report);
+  const double fps = rates.result > 0 ? rates.result : read.frames_per_second;
+  const FrameSteps steps = frame_steps(rates, read.frames_per_second, fps);
   const Motion motion =
-      options.loop ? loop_motion(read.motion, character.skeleton, blended_frames(read.motion, fps)) : read.motion;
+      options.loop ? loop_motion(read.motion, character.skeleton, blended_frames(read.motion, read.frames_per_second))
+                   : read.motion;
+  const Motion written = resample(motion, character.skeleton, steps.frame);
   const FolderLock lock(options.out);
   FileReports reports;
   Profile profile;
   const auto writers = make_writers(options, character, performer, fps, reports, profile);
-  write_motions(options, character, motion, fps);
+  write_motions(options, character, written, fps);
   const auto start = std::chrono::steady_clock::now();
-  perform(options, performer, motion, writers, profile);
+  perform(options, performer, motion, steps, writers, profile);
   const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-  const nlohmann::ordered_json speed = speed_json(profile, motion.num_frames(), elapsed.count());
+  const nlohmann::ordered_json speed = speed_json(profile, written.num_frames(), elapsed.count());
   report["speed"] = speed;
-  report.update({{"frames", motion.num_frames()},
+  report.update({{"frames", written.num_frames()},
                  {"frames_per_second", fps},
                  {"vertices", character.num_vertices()},
                  {"formats", options.formats},
                  {"out", options.out}});
+  warn_of_targets(reports.figure, options.morphs);
   if (options.wants("glb")) report["glb"] = figure_json(reports.figure);
   if (options.wants("splat-rig")) report["splat_rig"] = rig_json(reports.rig);
   if (common.json) {
     std::cout << report << "\n";
     return 0;
   }
-  std::cout << motion.num_frames() << " frames of " << character.num_vertices() << " vertices written to "
+  std::cout << written.num_frames() << " frames of " << character.num_vertices() << " vertices written to "
             << options.out << "; " << speed_text(speed) << "\n"
             << files_text(options, reports);
   return 0;
@@ -558,11 +623,14 @@ void add_motion_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--unit", options.unit,
                  "Metres per unit of length of the file (default: as it says, or guessed by its size)")
       ->check(CLI::PositiveNumber);
-  app.add_option("--source-fps", options.source_fps,
-                 "Frames per second of a file that states none (.motion for another skeleton: default --fps)")
+  app.add_option(
+         "--source-fps", options.source_fps,
+         "Frames per second of a file that states none (.motion: default as listed by `doppel character import`, "
+         "else of the training, else --fps)")
       ->check(CLI::Range(0.1, 1000.0));
   app.add_option("--fps", options.fps,
-                 "Frames per second of the result (default: of the training, else of the motion's file, else 25)")
+                 "Frames per second of the result (default: of the training, else of the motion's file, else 25); the "
+                 "motion is resampled, and the actor sees poses at the rate of its training")
       ->check(CLI::Range(0.1, 1000.0));
   app.add_flag("--loop", options.loop,
                "Make the motion cyclic: its last half second (at most a quarter of it) is blended into the "
@@ -595,7 +663,7 @@ void add_image_options(CLI::App& app, AnimateOptions& options) {
 }
 
 void add_figure_options(CLI::App& app, AnimateOptions& options) {
-  app.option_defaults()->group("Figure (--format glb, usda, splat-rig)");
+  app.option_defaults()->group("Figure (--format glb, usda, splat-rig, bvh)");
   app.add_option("--names", options.names, "Names of the bones: the character's own, Mixamo's or VRM's")
       ->check(CLI::IsMember({"skeletool", "mixamo", "vrm"}))
       ->capture_default_str();
@@ -604,10 +672,11 @@ void add_figure_options(CLI::App& app, AnimateOptions& options) {
                      "With --names vrm: the .glb is an avatar of VRM 1.0 by this author; may be repeated")
           ->allow_extra_args(false);
   app.add_option("--licence", options.rights.licence, "The address of a licence of one's own")->needs(author);
-  app.add_option("--morphs", options.morphs,
-                 "Largest number of morph targets that move in a frame; they hold the motion of the clothes")
-      ->check(CLI::Range(0, 256))
-      ->capture_default_str();
+  app.add_option(
+         "--morphs", options.morphs,
+         "Largest number of morph targets that move in a frame; they hold the motion of the clothes (default: 8, "
+         "and more where the 256 targets of a file do not suffice)")
+      ->check(CLI::Range(0, 256));
   app.add_option("--tolerance", options.tolerance_mm, "Error that leaving out keyframes may cause, mm")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();

@@ -51,6 +51,10 @@ int main(int argc, char** argv) {
     }
     std::cout << motion.size(0) << " frames written to " << argv[3] << "\n";
     if (argc == 4) return 0;
+    if (!actor.find_method("textured")) {
+      std::cout << argv[1] << " has no dynamic texture, so " << argv[4] << " is not drawn\n";
+      return 0;
+    }
 
     const torch::Tensor projection = draw::look_at(vertices[0]);
     const auto dressed = actor.get_method("textured")({rows, projection}).toTuple();

@@ -43,6 +43,8 @@ static void face_actor(const doppel_actor* actor, int side, float projection[12]
 /* Draws the actor as it stands. 0: done */
 static int draw(doppel_actor* actor, const char* path) {
   enum { side = 512 };
+  if (doppel_actor_num_gaussians(actor) == 0)
+    return printf("the actor has no Gaussians, so %s is not drawn\n", path), 0;
   float projection[12];
   face_actor(actor, side, projection);
   const float* image = doppel_actor_draw(actor, projection, side, side);

@@ -3,27 +3,10 @@
 #include <cmath>
 #include <numeric>
 
+#include "doppel/character/resample_motion.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
-namespace {
-
-constexpr double kTurn = 2.0 * 3.14159265358979323846;
-
-/// The change of each DoF that turns its joints once around; 0 for DoFs that slide joints. [D]
-std::vector<double> full_turns(const Skeleton& skeleton) {
-  std::vector<double> turns;
-  for (const Dof& dof : skeleton.dofs) {
-    double turn = 0.0;
-    for (const Dof::Drive& drive : dof.joints)
-      if (skeleton.joints[drive.joint].type == Joint::Type::revolute && drive.weight != 0.0)
-        turn = dof.joints.size() == 1 ? kTurn / std::abs(drive.weight) : 0.0;
-    turns.push_back(turn);
-  }
-  return turns;
-}
-
-}  // namespace
 
 Motion loop_motion(const Motion& motion, const Skeleton& skeleton, int blend) {
   const int frames = motion.num_frames(), kept = frames - blend;

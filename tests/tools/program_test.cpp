@@ -419,6 +419,108 @@ TEST_F(ProgramRecovers, TheActorAnimates) {
   EXPECT_TRUE(std::filesystem::exists(at("animated/frame_000000.obj")));
 }
 
+/// The worst distance of a vertex between every `stride_a`-th frame of one file and every `stride_b`-th of another, m.
+double worst_distance(const NpyArray& a, std::int64_t stride_a, const NpyArray& b, std::int64_t stride_b) {
+  const std::vector<float> x = a.as<float>(), y = b.as<float>();
+  const std::int64_t row = 3 * a.shape[1], rows = std::min(a.shape[0] / stride_a, b.shape[0] / stride_b);
+  double worst = rows > 1 ? 0.0 : 1e9;
+  for (std::int64_t t = 0; t < rows; ++t)
+    for (std::int64_t i = 0; i < row; ++i)
+      worst = std::max(worst, std::abs(static_cast<double>(x[static_cast<std::size_t>(t * stride_a * row + i)]) -
+                                       static_cast<double>(y[static_cast<std::size_t>(t * stride_b * row + i)])));
+  return worst;
+}
+
+TEST_F(ProgramRecovers, ASurfaceAtOneTimeIsTheSameAtEveryRate) {
+  const std::string motion = at("capture/testing/skeletoolToGTPose/poseAngles.motion");
+  const std::string actor = "animate --character " + character_file(at("capture/character"), ".character");
+  const auto vertices = [&](const std::string& line, const std::string& name) {
+    const Outcome outcome = run(line + " --format npy,motion --out " + at(name));
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return read_npy(at(name + "/vertices.npy"));
+  };
+  for (const std::string& who : {actor + " --model " + at("run/actor.pt"), "animate --run " + at("run")}) {
+    const std::string play = who + " --motion " + motion;
+    const NpyArray trained = vertices(play, "rate_25"), fast = vertices(play + " --fps 100", "rate_100"),
+                   slow = vertices(play + " --fps 5", "rate_5"), between = vertices(play + " --fps 60", "rate_60");
+    EXPECT_EQ(fast.shape[0], 4 * (trained.shape[0] - 1) + 1);
+    EXPECT_EQ(slow.shape[0], (trained.shape[0] - 1) / 5 + 1);
+    EXPECT_LT(worst_distance(trained, 1, fast, 4), 1e-5) << who;
+    EXPECT_LT(worst_distance(trained, 5, slow, 1), 1e-5) << who;
+    EXPECT_LT(worst_distance(trained, 5, between, 12), 2e-3) << who;
+    EXPECT_EQ(vertices(play + " --source-fps 50", "rate_of_source").shape[0], (trained.shape[0] - 1) / 2 + 1);
+  }
+  const std::string driven = read_file(at("rate_100/driven.motion"));
+  EXPECT_EQ(std::count(driven.begin(), driven.end(), '\n') - 1, read_npy(at("rate_100/vertices.npy")).shape[0]);
+}
+
+TEST_F(ProgramRecovers, TheRateOfAMotionIsAskedFor) {
+  const std::string play = "animate --character " + character_file(at("capture/character"), ".character") +
+                           " --motion " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") +
+                           " --format npy --json --out " + at("rates");
+  const auto frames = [](const Outcome& outcome) { return nlohmann::json::parse(outcome.out)["frames"].get<int>(); };
+  const Outcome plain = run(play), altered = run(play + " --fps 50"), stated = run(play + " --source-fps 25 --fps 50"),
+                known = run(play + " --source-fps 50");
+  EXPECT_THAT(altered.err, HasSubstr("--fps alters the speed"));
+  EXPECT_EQ(frames(altered), frames(plain));
+  EXPECT_EQ(stated.err.find("warning"), std::string::npos) << stated.err;
+  EXPECT_EQ(frames(stated), 2 * frames(plain) - 1);
+  EXPECT_EQ(nlohmann::json::parse(known.out)["frames_per_second"], 50.0);
+  const Outcome trained = run(play + " --fps 50 --model " + at("run/actor.pt"));
+  EXPECT_EQ(trained.err.find("warning"), std::string::npos) << trained.err;
+  EXPECT_EQ(frames(trained), 2 * frames(plain) - 1);
+}
+
+TEST_F(ProgramRecovers, AFigureThatIsNoHumanOfVrmIsRefusedBeforeItsFrames) {
+  const Outcome refused = run("animate --character " + character_file(at("capture/character"), ".character") +
+                              " --format glb,npy --names vrm --author Anna --motion " +
+                              at("capture/testing/skeletoolToGTPose/poseAngles.motion") + " --out " + at("avatar"));
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("bones that VRM 1.0 requires"));
+  EXPECT_EQ(refused.err.find("animate "), std::string::npos) << refused.err;  // no progress was shown
+  EXPECT_FALSE(std::filesystem::exists(at("avatar/vertices.npy")));
+}
+
+TEST_F(ProgramRecovers, TheJointsOfABvhFileHaveTheNamesThatAreAskedFor) {
+  const std::string play = "animate --character " + character_file(at("capture/character"), ".character") +
+                           " --format bvh --motion " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") +
+                           " --out " + at("named");
+  step(play);
+  const std::string own = read_file(at("named/driven.bvh"));
+  step(play + " --names mixamo");
+  const std::string named = read_file(at("named/driven.bvh"));
+  EXPECT_THAT(named, AllOf(HasSubstr("JOINT mixamorig:LeftForeArm\n"), HasSubstr("JOINT mixamorig:RightUpLeg\n")));
+  EXPECT_EQ(own.find("mixamorig"), std::string::npos);
+  EXPECT_EQ(own.substr(own.find("MOTION")), named.substr(named.find("MOTION")));
+}
+
+TEST_F(ProgramRecovers, TheMostMorphTargetsAreNamedWhereTheyDoNotSuffice) {
+  const std::string given = read_file(at("capture/testing/skeletoolToGTPose/poseAngles.motion"));
+  const std::string first =
+      given.substr(given.find('\n') + 1, given.find('\n', given.find('\n') + 1) - given.find('\n'));
+  std::istringstream row(first);
+  std::vector<double> dofs;
+  for (double value; row >> value;) dofs.push_back(value);
+  std::string wild = "Skeletool Motion File V1.0\n";
+  for (int frame = 0; frame < 400; ++frame) {
+    wild += std::to_string(frame);
+    for (std::size_t d = 1; d < dofs.size(); ++d)
+      wild += " " + std::to_string(dofs[d] + (d < 7 ? 0.0 : 0.5 * std::sin(0.7 * frame * static_cast<double>(d))));
+    wild += "\n";
+  }
+  write_atomically(at("wild.motion"), wild);
+  const std::string play = "animate --character " + character_file(at("capture/character"), ".character") +
+                           " --format glb --motion " + at("wild.motion") + " --out " + at("wild");
+  const Outcome few = run(play + " --morphs 1 --json"), free = run(play + " --json");
+  EXPECT_THAT(few.err, AllOf(HasSubstr("at most 1 move at once"), HasSubstr("a larger --morphs")));
+  EXPECT_EQ(free.err.find("morph targets"), std::string::npos) << free.err;
+  const auto far = nlohmann::json::parse(few.out)["glb"], near = nlohmann::json::parse(free.out)["glb"];
+  EXPECT_EQ(far["morphs"], 256);
+  EXPECT_GT(far["worst_error_mm"].get<double>(), 5.0);
+  EXPECT_LT(near["worst_error_mm"].get<double>(), 5.2);
+  EXPECT_GE(near["morphs_at_once"].get<int>(), 8);
+}
+
 TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   step("train " DOPPEL_SOURCE_DIR "/configs/tiny/ddc.yaml --set capture=" + at("prepared") +
        " --set 'egnet={run: " + at("run") + "}' --out " + at("chain"));

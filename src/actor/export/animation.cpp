@@ -1,7 +1,9 @@
 #include "doppel/actor/export/animation.h"
 
 #include <algorithm>
+#include <cmath>
 
+#include "doppel/character/resample_motion.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
@@ -39,6 +41,41 @@ std::span<const float> frame_of(const torch::Tensor& vertices, int frame) {
   return {vertices.data_ptr<float>() + frame * size, as_size(size)};
 }
 
+float* append_row(const std::vector<double>& row, float* out) {
+  return std::transform(row.begin(), row.end(), out, [](double v) { return static_cast<float>(v); });
+}
+
+/// The motion windows of an animation.
+class Windows {
+ public:
+  Windows(const Character& character, const Motion& motion, int past_frames, const FrameSteps& steps)
+      : motion_(motion), turns_(full_turns(character.skeleton)), past_frames_(past_frames), steps_(steps) {
+    if (!(steps.frame > 0.0) || !(steps.window > 0.0))
+      fail("animating {}: frames {} and poses of a window {} frames of the motion apart; both must be positive",
+           character.name, steps.frame, steps.window);
+  }
+
+  int count() const {
+    // The margin keeps the last frame where a rate is no exact number.
+    return static_cast<int>(std::floor((motion_.num_frames() - 1) / steps_.frame + 1e-6)) + 1;
+  }
+
+  /// @return [F+1,D] float32
+  torch::Tensor at(int frame) const {
+    torch::Tensor rows = torch::empty({past_frames_ + 1, static_cast<std::int64_t>(turns_.size())});
+    float* out = rows.data_ptr<float>();
+    for (int i = past_frames_; i >= 0; --i)
+      out = append_row(dofs_at(motion_, turns_, frame * steps_.frame - i * steps_.window), out);
+    return rows;
+  }
+
+ private:
+  const Motion& motion_;
+  std::vector<double> turns_;
+  int past_frames_;
+  FrameSteps steps_;
+};
+
 }  // namespace
 
 torch::Tensor tensor_of(const PosedFrame& frame) {
@@ -50,37 +87,36 @@ torch::Tensor motion_window(const Motion& motion, int frame, int past_frames) {
   const auto dofs = static_cast<std::int64_t>(motion.frames.at(as_size(frame)).size());
   torch::Tensor rows = torch::empty({past_frames + 1, dofs});
   float* out = rows.data_ptr<float>();
-  for (int i = 0; i <= past_frames; ++i) {
-    const auto& row = motion.frames[std::max(0, frame - past_frames + i)];
-    out = std::transform(row.begin(), row.end(), out, [](double v) { return static_cast<float>(v); });
-  }
+  for (int i = past_frames; i >= 0; --i) out = append_row(motion.frames[std::max(0, frame - i)], out);
   return rows;
 }
 
 void animate(const Character& character, const Motion& motion, const ActorFile* actor,
-             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile) {
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile, const FrameSteps& steps) {
   if (actor) {
     check_belongs_together(character, motion, *actor);
     const auto geometry = [actor](const torch::Tensor& dofs) { return actor->forward(dofs); };
-    return animate(character, motion, actor->description().past_frames, geometry, writers, profile);
+    return animate(character, motion, actor->description().past_frames, geometry, writers, profile, steps);
   }
   CharacterSurface surface(character);
   animate(
       character, motion, 0, [&](const torch::Tensor& dofs) { return surface->skinned(dofs.select(1, 0)); }, writers,
-      profile);
+      profile, steps);
 }
 
 void animate(const Character& character, const Motion& motion, int past_frames, const ActorFunction& geometry,
-             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile) {
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile, const FrameSteps& steps) {
   check_belongs_together(character, motion);
   Profile unused;
   torch::NoGradGuard no_grad;
-  Progress progress("animate", motion.num_frames());
-  for (int first = 0; first < motion.num_frames(); first += kFramesAtOnce) {
-    if (stop_requested()) fail("animating {}: stopped at frame {} of {}", character.name, first, motion.num_frames());
-    const int last = std::min(first + kFramesAtOnce, motion.num_frames());
+  const Windows window(character, motion, past_frames, steps);
+  const int frames = window.count();
+  Progress progress("animate", frames);
+  for (int first = 0; first < frames; first += kFramesAtOnce) {
+    if (stop_requested()) fail("animating {}: stopped at frame {} of {}", character.name, first, frames);
+    const int last = std::min(first + kFramesAtOnce, frames);
     std::vector<torch::Tensor> windows;
-    for (int f = first; f < last; ++f) windows.push_back(motion_window(motion, f, past_frames));
+    for (int f = first; f < last; ++f) windows.push_back(window.at(f));
     torch::Tensor vertices;
     {
       const ProfileScope scope(profile ? *profile : unused, "geometry");

@@ -36,22 +36,31 @@ std::unique_ptr<SequenceWriter> make_npy_writer(const std::filesystem::path& fol
 /// `folder/frame_000000.obj`, ... with one shared material and texture `<name>.mtl`, `<name>.png`; metres.
 std::unique_ptr<SequenceWriter> make_obj_writer(const std::filesystem::path& folder, const Character& character);
 
+/// When the frames of an animation and the poses of their motion windows are, in frames of the motion.
+struct FrameSteps {
+  double frame = 1.0;   ///< between two frames: the rate of the motion by that of the animation
+  double window = 1.0;  ///< between two poses of a window: the rate of the motion by that of the actor's training
+};
+
 /// The motion window of a frame: rows [frame - F, frame] of a motion, oldest first. The first row is repeated where
 /// earlier rows are missing.
 /// @param past_frames F @return [F+1, D] float32
 torch::Tensor motion_window(const Motion& motion, int frame, int past_frames);
 
-/// Poses every frame of `motion` by a function of motion windows of F + 1 frames, passes it to each of `writers`, then
-/// closes the writers.
+/// Poses every frame of an animation by a function of motion windows of F + 1 poses, passes it to each of `writers`,
+/// then closes the writers. Poses between frames of `motion` are those of dofs_at. The first frame is that of `motion`;
+/// before it the motion stands still.
 /// @param past_frames F @param profile the time of `geometry` is added to it
 /// @throws Error when motion and character do not belong together, or a position is not finite
 void animate(const Character& character, const Motion& motion, int past_frames, const ActorFunction& geometry,
-             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile = nullptr);
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile = nullptr,
+             const FrameSteps& steps = {});
 
-/// Poses every frame of `motion`, passes it to each of `writers`, then closes the writers.
+/// Poses every frame of an animation as above, passes it to each of `writers`, then closes the writers.
 /// @param actor the trained actor, or null for skinning alone, in the mode of the character
 /// @throws Error when the motion, the character and the actor do not belong together
 void animate(const Character& character, const Motion& motion, const ActorFile* actor,
-             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile = nullptr);
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile = nullptr,
+             const FrameSteps& steps = {});
 
 }  // namespace doppel

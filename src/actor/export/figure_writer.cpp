@@ -12,7 +12,9 @@ class FigureWriter : public SequenceWriter {
                FigureReport& report)
       : folder_(folder), character_(character), options_(options), report_(report) {
     clip_.frames_per_second = options.frames_per_second;
-    figure_ = make_figure(character, options.names);  // refuses names that do not fit before the first frame
+    // Names that do not fit are refused before the first frame.
+    figure_ = make_figure(character, options.names);
+    if (options.glb) check_avatar(figure_, character.name, options.rights);
   }
 
   void write(const PosedFrame& frame) override { append_frame(clip_, frame); }
@@ -32,6 +34,8 @@ class FigureWriter : public SequenceWriter {
     const FigureError error = figure_error(figure_, clip_, morphs, tracks);
     report_.nodes = static_cast<int>(figure_.nodes.size());
     report_.morphs = morphs.count();
+    report_.morphs_at_once = morphs.at_once;
+    report_.morphs_exhausted = morphs.exhausted;
     report_.keys = tracks.num_keys();
     report_.mean_error_mm = error.mean;
     report_.worst_error_mm = error.worst;

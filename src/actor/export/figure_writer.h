@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "doppel/actor/export/animation.h"
 #include "doppel/io/figure_export/figure.h"
@@ -14,14 +15,16 @@ struct FigureOptions {
   bool glb = false, usda = false, pc2 = false, mdd = false;  ///< the files to write
   double frames_per_second = 25.0;
   BoneNames names = BoneNames::skeletool;
-  int morphs = 8;           ///< of files with a skin: largest number of morph targets that are active in a frame
-  FigureRights rights;      ///< of the .glb
-  double tolerance = 1e-4;  ///< of files with a skin: error of interpolated keys, metres
+  std::optional<int> morphs;  ///< of files with a skin: as for fit_morphs
+  FigureRights rights;        ///< of the .glb
+  double tolerance = 1e-4;    ///< of files with a skin: error of interpolated keys, metres
 };
 
 /// What was lost on the way into the files with a skin.
 struct FigureReport {
   int nodes = 0, morphs = 0;
+  int morphs_at_once = 0;                            ///< that move in a frame, at most
+  bool morphs_exhausted = false;                     ///< MorphTargets::exhausted
   std::size_t keys = 0;                              ///< of all channels
   double mean_error_mm = 0.0, worst_error_mm = 0.0;  ///< of the vertices, over all frames
   double largest_dropped_weight = 0.0;               ///< of a vertex with more than four bones

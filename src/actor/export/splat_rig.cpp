@@ -126,7 +126,7 @@ void write_splat_rig(const std::filesystem::path& path, const std::string& name,
   mesh.primitives.push_back(splat_primitive(buffer, written));
   add_glb_weights(buffer, rig.figure, points, mesh.primitives[0]);
   model.meshes.push_back(mesh);
-  add_glb_skeleton(model, buffer, rig.figure, name);
+  add_glb_skeleton(model, buffer, rig.figure, name, rig.figure.rest);
   const bool moves = !tracks.rotation.empty() && !tracks.rotation[0].empty();
   if (moves) add_glb_animation(model, buffer, tracks, frames_per_second, name);
   write_glb_model(path, model);

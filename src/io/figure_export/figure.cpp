@@ -161,6 +161,18 @@ Figure make_figure(const Character& character, BoneNames names) {
   return figure;
 }
 
+std::map<std::string, std::string> renamed_bones(const Character& character, BoneNames names) {
+  std::map<std::string, std::string> renamed;
+  if (names == BoneNames::skeletool) return renamed;
+  Figure own;
+  add_nodes(character, own);
+  Figure figure = own;
+  rename_nodes(figure, names);
+  for (std::size_t i = 0; i < own.nodes.size(); ++i)
+    if (figure.nodes[i].name != own.nodes[i].name) renamed[own.nodes[i].name] = figure.nodes[i].name;
+  return renamed;
+}
+
 Figure figure_of_points(Figure figure, const Character& character, const std::vector<FigurePoint>& points) {
   figure.node.clear();
   figure.weight.clear();

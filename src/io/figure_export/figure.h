@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -35,6 +36,9 @@ struct Figure {
 /// Hips without such a name are the node above both thighs and the neck.
 /// @throws UsageError when `names` is not skeletool, and too few names are recognised
 Figure make_figure(const Character& character, BoneNames names);
+
+/// The new name of each bone that `make_figure` renames. Empty for skeletool. @throws UsageError as make_figure
+std::map<std::string, std::string> renamed_bones(const Character& character, BoneNames names);
 
 /// A point that moves with the surface.
 struct FigurePoint {

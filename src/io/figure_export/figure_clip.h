@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "doppel/io/figure_export/figure.h"
@@ -26,16 +27,22 @@ std::vector<Eigen::Vector3d> fitted_rest_vertices(const Figure& figure, const Sk
 struct MorphTargets {
   std::vector<Eigen::MatrixX3f> targets;  ///< [K] of [N, 3], metres
   Eigen::MatrixXd weights;                ///< [T, K], 0 to 1
+  int at_once = 0;                        ///< largest number of targets with a weight in a frame
+  bool exhausted = false;                 ///< vertices are more than 5 mm off, because more targets are not allowed
 
   int count() const { return static_cast<int>(targets.size()); }
 };
 
 /// The mean and the principal components of the frames' displacements in the rest pose, largest first, and for each
 /// frame the weights with the least squared distance from its vertices. Where a vertex would be more than 5 mm off, the
-/// clip is halved, and each half gets targets of its own; up to 256 targets are made. The components are those of at
-/// most 512 frames of a part, spread evenly.
-/// @param count largest number of targets with a weight in any frame; fewer are made where fewer components are there
-MorphTargets fit_morphs(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip, int count);
+/// frames are divided into groups of similar surfaces, wherever in the clip these are, and each group gets targets of
+/// its own; up to 256 targets are made in all. The components are those of at most 512 frames of a group, spread
+/// evenly.
+/// @param count largest number of targets with a weight in any frame; fewer are made where fewer components are there.
+/// Nothing: 8, or where 256 targets do not suffice with these the first of 16, 32, ... 256 with which they do, or with
+/// which the surface is nearest.
+MorphTargets fit_morphs(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip,
+                        std::optional<int> count);
 
 /// One value of each node and morph target per frame, as a file states them.
 struct FigureTracks {

@@ -5,10 +5,10 @@
 namespace doppel {
 namespace {
 
-/// A bone relative to its parent, in the rest pose.
-tinygltf::Node bone_node(const Figure& figure, std::size_t bone) {
+/// A bone relative to its parent. @param standing node to world [B]
+tinygltf::Node bone_node(const Figure& figure, const std::vector<Eigen::Affine3d>& standing, std::size_t bone) {
   const int parent = figure.nodes[bone].parent;
-  const Eigen::Affine3d local = parent < 0 ? figure.rest[bone] : figure.rest[parent].inverse() * figure.rest[bone];
+  const Eigen::Affine3d local = parent < 0 ? standing[bone] : standing[parent].inverse() * standing[bone];
   const Eigen::Quaterniond turn = Eigen::Quaterniond(local.linear()).normalized();
   const Eigen::Vector3d& offset = local.translation();
   tinygltf::Node node;
@@ -82,7 +82,8 @@ class AnimationWriter {
 
 }  // namespace
 
-void add_glb_skeleton(tinygltf::Model& model, GlbBuffer& buffer, const Figure& figure, const std::string& name) {
+void add_glb_skeleton(tinygltf::Model& model, GlbBuffer& buffer, const Figure& figure, const std::string& name,
+                      const std::vector<Eigen::Affine3d>& standing) {
   tinygltf::Node armature;
   armature.name = name + "_armature";
   model.nodes.push_back(armature);
@@ -92,7 +93,7 @@ void add_glb_skeleton(tinygltf::Model& model, GlbBuffer& buffer, const Figure& f
   std::vector<float> inverse;
   for (std::size_t i = 0; i < figure.nodes.size(); ++i) {
     const int number = static_cast<int>(i) + 1;
-    model.nodes.push_back(bone_node(figure, i));
+    model.nodes.push_back(bone_node(figure, standing, i));
     model.nodes[figure.nodes[i].parent + 1].children.push_back(number);
     skin.joints.push_back(number);
     const Eigen::Matrix4f matrix = figure.rest[i].inverse().matrix().cast<float>();

@@ -1,8 +1,13 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <memory>
+#include <numeric>
+#include <span>
 #include <utility>
 
+#include "doppel/core/as_size.h"
 #include "doppel/geometry/decompositions.h"
 #include "doppel/io/figure_export/figure_clip.h"
 
@@ -14,9 +19,15 @@ constexpr int kSnapshots = 512;
 constexpr double kDamping = 1e-3;
 /// Components below this share of the largest are noise.
 constexpr double kMinShare = 1e-9;
-/// A segment of the clip with a larger error is halved: metres.
+/// A group of frames with a larger error is divided: metres.
 constexpr double kMaxError = 0.005;
 constexpr int kMaxTargets = 256;
+/// Targets that move at once, where the clip is near enough with them.
+constexpr int kUsualCount = 8;
+constexpr std::size_t kFramesAtOnce = 32;
+/// Conjugate gradients: at most so many steps, and a squared gradient (metres^2) that needs none.
+constexpr int kSteps = 8;
+constexpr float kSmallGradient = 1e-12F;
 
 Eigen::Vector3d vertex_of(const std::vector<float>& vertices, std::size_t v) {
   return {vertices[3 * v], vertices[3 * v + 1], vertices[3 * v + 2]};
@@ -36,9 +47,10 @@ Eigen::VectorXf unposed_displacements(const Figure& figure, const std::vector<Ei
   return result;
 }
 
-/// [3N, K] orthonormal components of the snapshots, by the eigenvectors of their inner products.
-Eigen::MatrixXf components_of(const Eigen::MatrixXf& snapshots, int count) {
-  const Eigen::MatrixXd gram = (snapshots.transpose() * snapshots).cast<double>();
+/// [3N, K] orthonormal components of the snapshots, by the eigenvectors of their inner products. In single precision,
+/// the small components would not be orthogonal.
+Eigen::MatrixXf components_of(const Eigen::MatrixXf& single, int count) {
+  const Eigen::MatrixXd snapshots = single.cast<double>(), gram = snapshots.transpose() * snapshots;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(gram);
   const Eigen::Index last = gram.rows() - 1;
   const double largest = std::max(solver.eigenvalues()(last), 0.0);
@@ -47,58 +59,84 @@ Eigen::MatrixXf components_of(const Eigen::MatrixXf& snapshots, int count) {
     ++used;
   Eigen::MatrixXf components(snapshots.rows(), used);
   for (int k = 0; k < used; ++k)
-    components.col(k) = (snapshots * solver.eigenvectors().col(last - k).cast<float>()).normalized();
+    components.col(k) = (snapshots * solver.eigenvectors().col(last - k)).normalized().cast<float>();
   return components;
 }
 
-/// The weights with the least squared distance between the blended vertices and those of the frame: [K].
-Eigen::VectorXd frame_weights(const Figure& figure, const std::vector<Eigen::Affine3d>& blended,
-                              const std::vector<float>& vertices, const Eigen::VectorXf& mean,
-                              const Eigen::MatrixXf& components) {
-  Eigen::MatrixXd moved(components.rows(), components.cols());
-  Eigen::VectorXd residual(components.rows());
-  for (std::size_t v = 0; v < blended.size(); ++v) {
-    const auto row = 3 * static_cast<Eigen::Index>(v);
-    moved.middleRows<3>(row) = blended[v].linear() * components.middleRows<3>(row).cast<double>();
-    residual.segment<3>(row) =
-        vertex_of(vertices, v) - blended[v] * (figure.rest_vertices[v] + mean.segment<3>(row).cast<double>());
-  }
-  Eigen::MatrixXd normal = moved.transpose() * moved;
-  normal.diagonal().array() += 1e-9;
-  return solve_symmetric(normal, Eigen::VectorXd(moved.transpose() * residual));
-}
-
-/// The displacements of the frames [first, last): mean + components * weights.
-struct Segment {
-  int first, last;
+/// What linear targets make of a group of frames: displacements mean + components * weights.
+struct Basis {
   Eigen::VectorXf mean;        ///< [3N]
-  Eigen::MatrixXf components;  ///< [3N, K]
-  Eigen::MatrixXd weights;     ///< [last - first, K]
-  double worst = 0.0;          ///< distance of a vertex, metres
+  Eigen::MatrixXf components;  ///< [3N, K] orthonormal
 };
 
-class SegmentFit {
+/// Frames that may share targets. Vectors have an entry for each number of targets that may move at once.
+struct Group {
+  std::vector<int> frames;
+  std::vector<int> targets;                       ///< that the group needs
+  std::vector<double> worst;                      ///< distance of a vertex, metres
+  std::array<std::vector<int>, 2> halves;         ///< on either side of the mean along the largest component
+  std::array<std::unique_ptr<Group>, 2> divided;  ///< the groups of the halves, once they are asked for
+
+  /// Whether a division can bring it nearer.
+  bool is_far(std::size_t choice) const {
+    return worst[choice] > kMaxError && targets[choice] < static_cast<int>(frames.size()) && !halves[0].empty() &&
+           !halves[1].empty();
+  }
+};
+
+class GroupFit {
  public:
-  SegmentFit(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip)
+  GroupFit(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip)
       : figure_(figure), skeleton_(skeleton), clip_(clip) {}
 
-  Segment fit(int first, int last, int count) const {
-    const int frames = last - first, used = std::min(frames, kSnapshots);
-    Eigen::MatrixXf snapshots(3 * static_cast<Eigen::Index>(figure_.node.size()), used);
-    for (int i = 0; i < used; ++i) {
-      const int t = first + static_cast<int>(static_cast<long>(i) * frames / used);
-      snapshots.col(i) = unposed_displacements(figure_, blended(t), clip_.vertices[t]);
+  /// @param counts rising numbers of targets
+  Group fit(std::vector<int> frames, const std::vector<int>& counts) const {
+    Group group;
+    group.frames = std::move(frames);
+    const Basis basis = basis_of(group.frames, std::max(counts.back(), 2));  // one component says where to divide
+    for (const int count : counts)
+      group.targets.push_back(1 + std::min(count - 1, static_cast<int>(basis.components.cols())));
+    group.worst.assign(counts.size(), 0.0);
+    for (std::size_t first = 0; first < group.frames.size(); first += kFramesAtOnce) measure(basis, first, group);
+    return group;
+  }
+
+  Basis basis_of(const std::vector<int>& frames, int count) const {
+    const std::size_t used = std::min<std::size_t>(frames.size(), kSnapshots);
+    std::vector<int> spread(used);
+    for (std::size_t i = 0; i < used; ++i) spread[i] = frames[i * frames.size() / used];
+    Eigen::MatrixXf snapshots = displacements(spread);
+    Basis basis;
+    basis.mean = snapshots.rowwise().mean();
+    snapshots.colwise() -= basis.mean;
+    basis.components = components_of(snapshots, count - 1);
+    return basis;
+  }
+
+  /// The weights with the least squared distance between the blended vertices and those of the frame: [K]. Conjugate
+  /// gradients from the projection; blended matrices are nearly rotations, so that a few steps suffice.
+  Eigen::VectorXf frame_weights(int t, const Basis& basis) const {
+    const std::vector<Eigen::Affine3d> matrices = blended(t);
+    const std::vector<float>& vertices = clip_.vertices[t];
+    Eigen::VectorXf weights =
+        basis.components.transpose() * (unposed_displacements(figure_, matrices, vertices) - basis.mean);
+    Eigen::VectorXf residual(basis.mean.size());
+    const Eigen::VectorXf displacement = basis.mean + basis.components * weights;
+    for (std::size_t v = 0; v < matrices.size(); ++v)
+      residual.segment<3>(3 * static_cast<Eigen::Index>(v)) =
+          distance_of(matrices[v], vertices, v, displacement).cast<float>();
+    Eigen::VectorXf gradient = basis.components.transpose() * turned(matrices, residual, true), step = gradient;
+    float squared = gradient.squaredNorm();
+    for (int i = 0; i < kSteps && squared > kSmallGradient; ++i) {
+      const Eigen::VectorXf moved = turned(matrices, basis.components * step, false);
+      const float length = squared / moved.squaredNorm();
+      weights += length * step;
+      residual -= length * moved;
+      gradient = basis.components.transpose() * turned(matrices, residual, true);
+      const float before = std::exchange(squared, gradient.squaredNorm());
+      step = gradient + squared / before * step;
     }
-    const Eigen::VectorXf mean = snapshots.rowwise().mean();
-    snapshots.colwise() -= mean;
-    Segment segment{first, last, mean, components_of(snapshots, count - 1), {}};
-    segment.weights.resize(frames, segment.components.cols());
-    for (int t = first; t < last; ++t) {
-      const Eigen::VectorXd weights = frame_weights(figure_, blended(t), clip_.vertices[t], mean, segment.components);
-      segment.weights.row(t - first) = weights;
-      segment.worst = std::max(segment.worst, worst_distance(t, mean + segment.components * weights.cast<float>()));
-    }
-    return segment;
+    return weights;
   }
 
  private:
@@ -106,16 +144,64 @@ class SegmentFit {
     return blend_transforms(figure_, pose_nodes(figure_, skeleton_, clip_.dofs[t]));
   }
 
+  /// [3N, frames]
+  Eigen::MatrixXf displacements(std::span<const int> frames) const {
+    Eigen::MatrixXf columns(3 * static_cast<Eigen::Index>(figure_.node.size()),
+                            static_cast<Eigen::Index>(frames.size()));
+    for (std::size_t i = 0; i < frames.size(); ++i)
+      columns.col(static_cast<Eigen::Index>(i)) =
+          unposed_displacements(figure_, blended(frames[i]), clip_.vertices[frames[i]]);
+    return columns;
+  }
+
+  /// From a vertex that is moved with its displacement to that of the clip, metres.
+  Eigen::Vector3d distance_of(const Eigen::Affine3d& matrix, const std::vector<float>& vertices, std::size_t v,
+                              const Eigen::VectorXf& displacement) const {
+    return vertex_of(vertices, v) - matrix * (figure_.rest_vertices[v] +
+                                              displacement.segment<3>(3 * static_cast<Eigen::Index>(v)).cast<double>());
+  }
+
+  /// The vectors [3N], each by the linear part of its matrix, or by its transpose.
+  static Eigen::VectorXf turned(const std::vector<Eigen::Affine3d>& matrices, Eigen::VectorXf vectors, bool back) {
+    for (std::size_t v = 0; v < matrices.size(); ++v) {
+      Eigen::Matrix3f M = matrices[v].linear().cast<float>();
+      if (back) M.transposeInPlace();
+      const Eigen::Vector3f vector = vectors.segment<3>(3 * static_cast<Eigen::Index>(v));
+      vectors.segment<3>(3 * static_cast<Eigen::Index>(v)) = M * vector;
+    }
+    return vectors;
+  }
+
+  /// Takes some frames of a group into account, from the `first` on: the errors of their projections on the basis, and
+  /// the half that each belongs to.
+  void measure(const Basis& basis, std::size_t first, Group& group) const {
+    const std::span<const int> frames =
+        std::span(group.frames).subspan(first, std::min(kFramesAtOnce, group.frames.size() - first));
+    const Eigen::MatrixXf wanted = displacements(frames).colwise() - basis.mean;
+    const Eigen::MatrixXf weights = basis.components.transpose() * wanted;
+    Eigen::MatrixXf found = basis.mean.replicate(1, wanted.cols());
+    Eigen::Index used = 0;
+    for (std::size_t c = 0; c < group.targets.size(); ++c) {
+      const Eigen::Index more = group.targets[c] - 1 - used;
+      if (more > 0 || c == 0) {
+        found += basis.components.middleCols(used, more) * weights.middleRows(used, more);
+        used += more;
+      }
+      for (std::size_t i = 0; i < frames.size(); ++i)
+        group.worst[c] = std::max(group.worst[c], worst_distance(frames[i], found.col(static_cast<Eigen::Index>(i))));
+    }
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      const bool above = weights.rows() > 0 && weights(0, static_cast<Eigen::Index>(i)) > 0.0F;
+      group.halves[above ? 1 : 0].push_back(frames[i]);
+    }
+  }
+
   double worst_distance(int t, const Eigen::VectorXf& displacement) const {
     const std::vector<Eigen::Affine3d> matrices = blended(t);
     double worst = 0.0;
-    for (std::size_t v = 0; v < matrices.size(); ++v) {
-      const Eigen::Vector3d moved =
-          matrices[v] *
-          (figure_.rest_vertices[v] + displacement.segment<3>(3 * static_cast<Eigen::Index>(v)).cast<double>());
-      worst = std::max(worst, (moved - vertex_of(clip_.vertices[t], v)).norm());
-    }
-    return worst;
+    for (std::size_t v = 0; v < matrices.size(); ++v)
+      worst = std::max(worst, distance_of(matrices[v], clip_.vertices[t], v, displacement).squaredNorm());
+    return std::sqrt(worst);
   }
 
   const Figure& figure_;
@@ -123,52 +209,98 @@ class SegmentFit {
   const FigureClip& clip_;
 };
 
+/// Groups that hold each frame once.
+struct Division {
+  std::vector<Group*> groups;
+  bool exhausted = false;  ///< some are far, and the targets do not suffice to divide them
+  double worst = 0.0;      ///< distance of a vertex, metres
+};
+
+/// Divides the farthest group until all are near or the most targets are used up.
+Division divide(const GroupFit& fit, Group& all, const std::vector<int>& counts, std::size_t choice) {
+  Division division{{&all}};
+  int targets = all.targets[choice];
+  const auto nearer = [choice](const Group* a, const Group* b) {
+    return std::pair(a->is_far(choice), a->worst[choice]) < std::pair(b->is_far(choice), b->worst[choice]);
+  };
+  for (;;) {
+    const auto farthest = std::max_element(division.groups.begin(), division.groups.end(), nearer);
+    Group& group = **farthest;
+    int added = -group.targets[choice];
+    for (const std::vector<int>& half : group.halves) added += std::min(counts[choice], static_cast<int>(half.size()));
+    division.exhausted = group.is_far(choice) && targets + added > kMaxTargets;
+    if (!group.is_far(choice) || division.exhausted) {
+      for (const Group* each : division.groups) division.worst = std::max(division.worst, each->worst[choice]);
+      return division;
+    }
+    targets -= group.targets[choice];
+    for (std::size_t side = 0; side < 2; ++side) {
+      if (!group.divided[side]) group.divided[side] = std::make_unique<Group>(fit.fit(group.halves[side], counts));
+      targets += group.divided[side]->targets[choice];
+    }
+    *farthest = group.divided[0].get();
+    division.groups.push_back(group.divided[1].get());
+  }
+}
+
 Eigen::MatrixX3f rows_of(const Eigen::VectorXf& values) {
   Eigen::MatrixX3f rows(values.size() / 3, 3);
   for (Eigen::Index v = 0; v < rows.rows(); ++v) rows.row(v) = values.segment<3>(3 * v).transpose();
   return rows;
 }
 
-/// Adds the targets of a segment. Their weights are 0 to 1, because programs clamp others: the smallest weight of each
+/// Adds the targets of a group. Their weights are 0 to 1, because programs clamp others: the smallest weight of each
 /// component goes into the mean, which becomes a target with weight 1.
-void add_targets(const Segment& segment, MorphTargets& morphs) {
-  const Eigen::Index before = morphs.weights.cols(), added = segment.components.cols() + 1;
-  const Eigen::Index first = segment.first, frames = segment.last - segment.first;
+void add_targets(const GroupFit& fit, const std::vector<int>& frames, int count, MorphTargets& morphs) {
+  const Basis basis = fit.basis_of(frames, count);
+  const Eigen::Index before = morphs.weights.cols(), added = basis.components.cols() + 1;
+  Eigen::MatrixXf weights(added - 1, static_cast<Eigen::Index>(frames.size()));
+  for (std::size_t i = 0; i < frames.size(); ++i)
+    weights.col(static_cast<Eigen::Index>(i)) = fit.frame_weights(frames[i], basis);
   morphs.weights.conservativeResize(Eigen::NoChange, before + added);
   morphs.weights.rightCols(added).setZero();
-  Eigen::VectorXf constant = segment.mean;
+  Eigen::VectorXf constant = basis.mean;
   for (Eigen::Index k = 0; k + 1 < added; ++k) {
-    const double least = segment.weights.col(k).minCoeff(), most = segment.weights.col(k).maxCoeff();
-    const double range = std::max(most - least, 1e-12);
-    constant += static_cast<float>(least) * segment.components.col(k);
-    morphs.weights.col(before + k).segment(first, frames) = (segment.weights.col(k).array() - least) / range;
-    morphs.targets.push_back(rows_of(static_cast<float>(range) * segment.components.col(k)));
+    const float least = weights.row(k).minCoeff(), range = std::max(weights.row(k).maxCoeff() - least, 1e-12F);
+    constant += least * basis.components.col(k);
+    for (std::size_t i = 0; i < frames.size(); ++i)
+      morphs.weights(frames[i], before + k) =
+          static_cast<double>(weights(k, static_cast<Eigen::Index>(i)) - least) / static_cast<double>(range);
+    morphs.targets.push_back(rows_of(range * basis.components.col(k)));
   }
-  morphs.weights.col(before + added - 1).segment(first, frames).setOnes();
+  for (const int frame : frames) morphs.weights(frame, before + added - 1) = 1.0;
   morphs.targets.push_back(rows_of(constant));
+}
+
+/// The numbers of targets to try that may move at once, rising.
+std::vector<int> counts_to_try(std::optional<int> count) {
+  if (count) return {*count};
+  std::vector<int> counts;
+  for (int tried = kUsualCount; tried <= kMaxTargets; tried *= 2) counts.push_back(tried);
+  return counts;
 }
 
 }  // namespace
 
-MorphTargets fit_morphs(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip, int count) {
+MorphTargets fit_morphs(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip,
+                        std::optional<int> count) {
   MorphTargets morphs;
   morphs.weights.resize(clip.num_frames(), 0);
-  if (count == 0 || clip.num_frames() == 0) return morphs;
-  const SegmentFit fit(figure, skeleton, clip);
-  std::vector<std::pair<int, int>> open{{0, clip.num_frames()}};  // the last one is the earliest
-  while (!open.empty()) {
-    const auto [first, last] = open.back();
-    open.pop_back();
-    const Segment segment = fit.fit(first, last, count);
-    const int planned = morphs.count() + count * static_cast<int>(open.size() + 2);
-    if (segment.worst > kMaxError && last - first > count && planned <= kMaxTargets) {
-      const int middle = (first + last) / 2;
-      open.emplace_back(middle, last);
-      open.emplace_back(first, middle);
-    } else {
-      add_targets(segment, morphs);
-    }
+  const std::vector<int> counts = counts_to_try(count);
+  if (counts.back() == 0 || clip.num_frames() == 0) return morphs;
+  const GroupFit fit(figure, skeleton, clip);
+  std::vector<int> frames(as_size(clip.num_frames()));
+  std::iota(frames.begin(), frames.end(), 0);
+  Group all = fit.fit(std::move(frames), counts);
+  Division best;
+  for (std::size_t c = 0; c < counts.size() && (c == 0 || best.exhausted); ++c) {
+    Division division = divide(fit, all, counts, c);
+    if (c > 0 && division.exhausted && division.worst >= best.worst) continue;
+    best = std::move(division);
+    morphs.at_once = counts[c];
   }
+  morphs.exhausted = best.exhausted;
+  for (const Group* group : best.groups) add_targets(fit, group->frames, morphs.at_once, morphs);
   return morphs;
 }
 

@@ -63,9 +63,11 @@ class GlbWriter {
   GlbWriter(const FigureFile& file, const Figure& figure, const MorphTargets& morphs, const FigureTracks& tracks)
       : file_(file), figure_(figure), morphs_(morphs), buffer_(model_) {
     add_mesh();
-    add_glb_skeleton(model_, buffer_, figure, file.name);
+    const bool avatar = !file.rights.authors.empty();
+    if (avatar) check_avatar(figure, file.name, file.rights);
+    add_glb_skeleton(model_, buffer_, figure, file.name, avatar ? t_pose(figure) : figure.rest);
     if (file.clip.num_frames() > 0) add_glb_animation(model_, buffer_, tracks, file.clip.frames_per_second, file.name);
-    if (!file.rights.authors.empty()) {
+    if (avatar) {
       model_.extensions["VRMC_vrm"] = vrm_extension(figure, file.name, file.rights, /*first_node=*/1);
       model_.extensionsUsed.emplace_back("VRMC_vrm");
     }

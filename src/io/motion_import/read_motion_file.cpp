@@ -4,6 +4,7 @@
 #include <cctype>
 
 #include "doppel/character/bvh.h"
+#include "doppel/character/resample_motion.h"
 #include "doppel/core/error.h"
 #include "doppel/io/motion_import/landmark_map.h"
 #include "doppel/io/motion_import/marker_motion.h"
@@ -57,6 +58,25 @@ SourceMotion read_rig_motion(const fs::path& path, const MotionFileOptions& opti
   }
 }
 
+/// The frames per second of a `.motion`, which the file does not state.
+double rate_of_rows(const fs::path& path, const MotionFileOptions& options) {
+  if (options.source.frames_per_second > 0) return options.source.frames_per_second;
+  if (const std::optional<double> imported = imported_rate(path)) return *imported;
+  return options.frames_per_second > 0 ? options.frames_per_second : kUsualRate;
+}
+
+/// A motion of the character itself.
+MotionFromFile read_own_motion(const fs::path& path, const Character& character, const MotionFileOptions& options) {
+  if (!options.map.empty())
+    fail<UsageError>("--map is for motions of another skeleton; give a file of one, or --source-skeleton");
+  const double rate = rate_of_rows(path, options);
+  MotionFromFile result;
+  result.frames_per_second = options.frames_per_second > 0 ? options.frames_per_second : rate;
+  result.motion =
+      resample(read_motion(path, character.num_dofs()), character.skeleton, rate / result.frames_per_second);
+  return result;
+}
+
 /// The joints of a skeleton in a `.motion` or `.bvh` file.
 SourceMotion read_skeleton_motion(const fs::path& path, const MotionFileOptions& options, MotionFormat format) {
   SourceMotion motion;
@@ -65,9 +85,7 @@ SourceMotion read_skeleton_motion(const fs::path& path, const MotionFileOptions&
     return motion;
   }
   const Skeleton skeleton = read_skeleton(options.source_skeleton);
-  double rate = options.source.frames_per_second;
-  if (!(rate > 0)) rate = options.frames_per_second > 0 ? options.frames_per_second : kUsualRate;
-  motion.tracks = joint_tracks(skeleton, read_motion(path, skeleton.num_dofs()), rate);
+  motion.tracks = joint_tracks(skeleton, read_motion(path, skeleton.num_dofs()), rate_of_rows(path, options));
   return motion;
 }
 
@@ -116,19 +134,13 @@ bool is_foreign_motion(const fs::path& path) { return format_of(path) != MotionF
 
 MotionFromFile read_motion_file(const fs::path& path, const Character& character, const MotionFileOptions& options) {
   const MotionFormat format = format_of(path);
-  MotionFromFile result;
-  if (format == MotionFormat::skeletool && options.source_skeleton.empty()) {
-    if (!options.map.empty())
-      fail<UsageError>("--map is for motions of another skeleton; give a file of one, or --source-skeleton");
-    result.motion = read_motion(path, character.num_dofs());
-    result.frames_per_second = options.frames_per_second;
-    if (!(result.frames_per_second > 0)) result.frames_per_second = imported_rate(path).value_or(kUsualRate);
-    return result;
-  }
+  if (format == MotionFormat::skeletool && options.source_skeleton.empty())
+    return read_own_motion(path, character, options);
   if (!options.source.person.empty() && format != MotionFormat::markers)
     fail<UsageError>("--person chooses among the people of a C3D or TRC file; {} holds one", path.string());
   SourceMotion source = read_source(path, options, format);
   const bool by_names = format == MotionFormat::bvh || format == MotionFormat::skeletool;
+  MotionFromFile result;
   JointMap map;
   if (!options.map.empty())
     map = read_joint_map(options.map);

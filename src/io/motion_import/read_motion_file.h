@@ -42,9 +42,9 @@ bool is_foreign_motion(const std::filesystem::path& path);
 /// | `.c3d`, `.trc` | read_marker_motion | landmark_joint_map |
 ///
 /// All but a `.motion` of the character itself are retargeted. Without `frames_per_second`, the result has the rate of
-/// the file; a `.motion` states none unless it was imported (imported_rate), and counts as 25. The vertical of `.bvh`
-/// and
-/// `.motion` is that of the options, else of the map, else vertical_of.
+/// the file, otherwise it is resampled. A `.motion` states no rate: it has that of the options for the source, else the
+/// imported_rate, else that of the result, else 25. The vertical of `.bvh` and `.motion` is that of the options, else
+/// of the map, else vertical_of.
 /// @throws UsageError for another extension, a map of a motion that needs none, `up: z` in the map of a format whose
 ///   reader finds the vertical, a person of a format without people; Error as the readers and retarget
 MotionFromFile read_motion_file(const std::filesystem::path& path, const Character& character,

@@ -10,6 +10,7 @@
 #include "doppel/actor/export/animation.h"
 #include "doppel/actor/trained_actor.h"
 #include "doppel/character/character.h"
+#include "doppel/character/resample_motion.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
@@ -116,6 +117,56 @@ TEST(ActorFileAgrees, ParametersStayParameters) {
   const torch::Tensor before = module.forward({window}).toTensor();
   for (const torch::Tensor& p : module.parameters()) p.zero_();
   EXPECT_GT((module.forward({window}).toTensor() - before).abs().max().item<double>(), 1e-4);
+}
+
+TEST(ActorFileAgrees, TheGradientOfThePosesIsThatOfCentralDifferences) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  torch::jit::Module module = torch::jit::load((folder / "actor.pt").string());
+  for (torch::Tensor p : module.parameters()) p.requires_grad_(true);
+  auto generator = at::detail::createCPUGenerator(8);
+  const torch::Tensor given = 0.4 * torch::randn({1, 3, actor.character.num_dofs()}, generator),
+                      direction = torch::randn(given.sizes(), generator);
+  const torch::Tensor weights = torch::randn({actor.character.num_vertices(), 3}, generator);
+  const auto value = [&](const torch::Tensor& window) {
+    return (module.forward({window}).toTensor()[0] * weights).sum();
+  };
+  for (int call = 0; call < 3; ++call) {  // TorchScript runs other code after the first calls
+    const torch::Tensor window = given.clone().requires_grad_(true);
+    value(window).backward();
+    const torch::NoGradGuard no_grad;
+    const double step = 2e-3, found = (window.grad() * direction).sum().item<double>(),
+                 expected =
+                     (value(given + step * direction) - value(given - step * direction)).item<double>() / (2 * step);
+    EXPECT_GT(std::abs(expected), 0.1);
+    EXPECT_NEAR(found, expected, 0.01 * std::abs(expected)) << "call " << call;
+  }
+}
+
+/// Runs an example that should draw an actor which it cannot draw. @return what it prints
+std::string undrawn_by(const std::string& host, const TemporaryFolder& folder) {
+  const std::string command = host + " '" + (folder / "actor.pt").string() + "' '" + (folder / "m.motion").string() +
+                              "' '" + (folder / "out").string() + "' '" + (folder / "image").string() + "' >'" +
+                              (folder / "said").string() + "' 2>&1";
+  EXPECT_EQ(std::system(command.c_str()), 0) << host;
+  EXPECT_FALSE(std::filesystem::exists(folder / "image")) << host;
+  return read_file(folder / "said");
+}
+
+TEST(ActorHostBehaves, WithoutATextureOneLineSaysThatNothingIsDrawn) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  write_motion(folder / "m.motion", test_motion(actor.character.num_dofs(), 3), true);
+  EXPECT_NE(undrawn_by(ACTOR_HOST, folder).find("has no dynamic texture"), std::string::npos);
+  EXPECT_GT(std::filesystem::file_size(folder / "out"), 0U);
+  EXPECT_NE(undrawn_by(PLAY_ACTOR_C, folder).find("has no Gaussians"), std::string::npos);
+  if (std::system("/usr/bin/python3 -c 'import torch' 2>/dev/null") != 0)
+    GTEST_SKIP() << "Debian's python3-torch is not installed: the Python host was not tried";
+  const std::string said = undrawn_by("/usr/bin/python3 " PLAY_ACTOR, folder);
+  EXPECT_NE(said.find("has no dynamic texture"), std::string::npos) << said;
+  EXPECT_TRUE(std::filesystem::exists(folder / "out.npy"));
 }
 
 TEST(ActorFileAgrees, WithThePythonAndTheCppHost) {
@@ -379,6 +430,30 @@ TEST(AnimationReference, TheFirstFrameRepeatsBeforeTheStart) {
   const torch::Tensor window = motion_window(motion, 1, 2);
   EXPECT_TRUE(torch::equal(window[0], window[1]));
   EXPECT_FLOAT_EQ(window[2][2].item<float>(), static_cast<float>(motion.frames[1][2]));
+}
+
+TEST(AnimationReference, WindowsHoldPosesAtTheRateOfTheTraining) {
+  const TemporaryFolder folder;
+  Actor actor;
+  const Motion coarse = test_motion(actor.character.num_dofs(), 6);
+  const Motion fine = resample(coarse, actor.character.skeleton, 0.25);
+  const auto forward = [&](const torch::Tensor& window) { return actor.forward(window); };
+  const auto vertices = [&](const char* name, const Motion& motion, const FrameSteps& steps) {
+    std::vector<std::unique_ptr<SequenceWriter>> writers;
+    writers.push_back(make_npy_writer(folder / name, actor.character.num_vertices()));
+    animate(actor.character, motion, actor.description.past_frames, forward, writers, nullptr, steps);
+    return read_npy(folder / name / "vertices.npy");
+  };
+  const NpyArray expected = vertices("coarse", coarse, {}), fast = vertices("fast", fine, {1.0, 4.0}),
+                 slow = vertices("slow", fine, {4.0, 4.0});
+  ASSERT_EQ(fast.shape[0], 21);
+  ASSERT_EQ(slow.shape, expected.shape);
+  EXPECT_LT(largest_difference(slow.as<float>(), expected.as<float>()), 1e-6);
+  const std::vector<float> all = fast.as<float>(), wanted = expected.as<float>();
+  const std::size_t row = 3 * static_cast<std::size_t>(expected.shape[1]);
+  for (std::size_t t = 0; t < 6; ++t)
+    for (std::size_t i = 0; i < row; ++i) ASSERT_NEAR(all[4 * t * row + i], wanted[t * row + i], 1e-6) << t;
+  EXPECT_THROW(vertices("none", fine, {0.0, 1.0}), Error);
 }
 
 TEST(AnimationRejects, AMotionOfAnotherSkeleton) {

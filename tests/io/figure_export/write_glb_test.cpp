@@ -75,6 +75,80 @@ TEST(WriteGlb, TheFileMovesAsTheClipByTheEquationsOfTheSpecification) {
   EXPECT_LE(made.morphs.weights.maxCoeff(), 1.0 + 1e-12);
 }
 
+FigureClip repeated(const FigureClip& clip, int times) {
+  FigureClip result = clip;
+  for (int i = 1; i < times; ++i) {
+    result.dofs.insert(result.dofs.end(), clip.dofs.begin(), clip.dofs.end());
+    result.vertices.insert(result.vertices.end(), clip.vertices.begin(), clip.vertices.end());
+  }
+  return result;
+}
+
+/// A character at rest whose surface moves in `modes` independent ways, each by some centimetres, at random from frame
+/// to frame.
+FigureClip random_clip(const Character& character, int frames, int modes) {
+  test_character::Noise noise(5);
+  const auto values = static_cast<Eigen::Index>(3 * character.mesh.vertices.size());
+  Eigen::MatrixXf ways(values, modes);
+  for (Eigen::Index k = 0; k < modes; ++k)
+    for (Eigen::Index i = 0; i < values; ++i) ways(i, k) = 0.03F * static_cast<float>(noise.next());
+  FigureClip clip;
+  clip.dofs.assign(static_cast<std::size_t>(frames), character.rest_dofs);
+  std::vector<float> still;
+  for (const Eigen::Vector3d& v : character.mesh.vertices)
+    for (int i = 0; i < 3; ++i) still.push_back(static_cast<float>(v[i]));
+  clip.vertices.assign(static_cast<std::size_t>(frames), still);
+  for (std::vector<float>& vertices : clip.vertices)
+    for (Eigen::Index k = 0; k < modes; ++k)
+      Eigen::Map<Eigen::VectorXf>(vertices.data(), values) += static_cast<float>(noise.next()) * ways.col(k);
+  return clip;
+}
+
+TEST(MorphTargets, AClipThatIsRepeatedNeedsNoMoreOfThem) {
+  const Character& actor = test_actor();
+  const Figure figure = make_figure(actor, BoneNames::skeletool);
+  const FigureClip clip = waving_clip(actor, 60, 0.06);
+  const MorphTargets once = fit_morphs(figure, actor.skeleton, clip, 8);
+  EXPECT_GT(once.count(), 8);  // one group does not suffice
+  const FigureClip often = repeated(clip, 12);
+  const MorphTargets many = fit_morphs(figure, actor.skeleton, often, 8);
+  EXPECT_LE(many.count(), once.count() + 8);
+  EXPECT_FALSE(many.exhausted);
+  const FigureTracks tracks = thin_tracks(figure, actor.skeleton, often, many, 0.0);
+  EXPECT_LT(figure_error(figure, often, many, tracks).worst, 5.5);
+}
+
+TEST(MorphTargets, MoreMoveAtOnceWhereTheMostDoNotSuffice) {
+  const Character& actor = test_actor();
+  const Figure figure = make_figure(actor, BoneNames::skeletool);
+  const FigureClip clip = random_clip(actor, 400, 40);
+  const auto worst = [&](const MorphTargets& morphs) {
+    return figure_error(figure, clip, morphs, thin_tracks(figure, actor.skeleton, clip, morphs, 0.0)).worst;
+  };
+  const MorphTargets eight = fit_morphs(figure, actor.skeleton, clip, 8),
+                     free = fit_morphs(figure, actor.skeleton, clip, {});
+  EXPECT_TRUE(eight.exhausted);
+  EXPECT_EQ(eight.at_once, 8);
+  EXPECT_LE(eight.count(), 256);
+  EXPECT_GT(worst(eight), 20.0);
+  EXPECT_FALSE(free.exhausted);
+  EXPECT_GT(free.at_once, 8);
+  EXPECT_LT(worst(free), 5.5);
+  for (const MorphTargets* morphs : {&eight, &free})
+    for (Eigen::Index t = 0; t < morphs->weights.rows(); ++t)
+      ASSERT_LE((morphs->weights.row(t).array() != 0.0).count(), morphs->at_once);
+}
+
+TEST(MorphTargets, EightMoveAtOnceWhereTheySuffice) {
+  const Character& actor = test_actor();
+  const Figure figure = make_figure(actor, BoneNames::skeletool);
+  const FigureClip clip = waving_clip(actor, 60, 0.06);
+  const MorphTargets free = fit_morphs(figure, actor.skeleton, clip, {}),
+                     eight = fit_morphs(figure, actor.skeleton, clip, 8);
+  EXPECT_EQ(free.at_once, 8);
+  EXPECT_EQ(free.count(), eight.count());
+}
+
 TEST(WriteGlb, OurReaderMovesTheSkinAsWeDo) {
   const TemporaryFolder folder;
   const Character& actor = test_actor();

@@ -613,6 +613,45 @@ TEST_F(RigMotion, OfNoBodyIsRefusedByTheNamesOfItsJoints) {
               ::testing::HasSubstr("Joints of the motion: upper lower"));
 }
 
+class OwnMotion : public MotionOfAnotherBody {
+ protected:
+  /// A motion of the character itself: its pelvis moves by 1 m in ten steps.
+  MotionFromFile walk(const MotionFileOptions& options) {
+    Motion motion;
+    for (int f = 0; f < kFrames; ++f) {
+      motion.frames.push_back(character_.rest_dofs);
+      motion.frames.back()[0] += f / (kFrames - 1.0);
+    }
+    write_motion(folder_ / "own.motion", motion);
+    return read_motion_file(folder_ / "own.motion", character_, options);
+  }
+};
+
+TEST_F(OwnMotion, IsResampledFromTheRateThatIsStated) {
+  MotionFileOptions options;
+  options.source.frames_per_second = 10.0;
+  options.frames_per_second = 20.0;
+  const MotionFromFile read = walk(options);
+  EXPECT_EQ(read.frames_per_second, 20.0);
+  ASSERT_EQ(read.motion.num_frames(), 2 * kFrames - 1);
+  EXPECT_NEAR(read.motion.frames[3][0], character_.rest_dofs[0] + 0.15, 1e-8);
+}
+
+TEST_F(OwnMotion, IsResampledFromTheRateOfItsImport) {
+  write_atomically(folder_ / "motions.json", R"({"motions": [{"file": "own.motion", "frames_per_second": 50}]})");
+  MotionFileOptions options;
+  EXPECT_EQ(walk(options).frames_per_second, 50.0);
+  options.frames_per_second = 25.0;
+  EXPECT_EQ(walk(options).motion.num_frames(), (kFrames - 1) / 2 + 1);
+}
+
+TEST_F(OwnMotion, OfUnknownRateIsPlayedRowByRow) {
+  MotionFileOptions options;
+  EXPECT_EQ(walk(options).frames_per_second, 25.0);
+  options.frames_per_second = 60.0;
+  EXPECT_EQ(walk(options).motion.num_frames(), kFrames);
+}
+
 TEST_F(RigMotion, OfUnknownExtensionIsRefused) {
   EXPECT_THAT(refusal("x.mvnx", "x"), ::testing::HasSubstr("this extension is not one of them"));
 }
