@@ -28,10 +28,12 @@ struct Grid {
 
   std::size_t index(int x, int y, int z) const { return (as_size(z) * size[1] + y) * size[0] + x; }
   Vector3d corner(int x, int y, int z) const {
-    return {lines[0][as_size(x)], lines[1][as_size(y)], lines[2][as_size(z)]};
+    return {lines[0].planes[as_size(x)], lines[1].planes[as_size(y)], lines[2].planes[as_size(z)]};
   }
   /// The sides of the cell that begins at a corner.
-  Vector3d cell(int x, int y, int z) const { return corner(x + 1, y + 1, z + 1) - corner(x, y, z); }
+  Vector3d cell(int x, int y, int z) const {
+    return {lines[0].cells[as_size(x)], lines[1].cells[as_size(y)], lines[2].cells[as_size(z)]};
+  }
 };
 
 constexpr int kBlock = 6;
@@ -54,7 +56,7 @@ void sample_block(const DistanceField& field, Grid& grid, int bx, int by, int bz
 
 Grid sample(const DistanceField& field, const GridLines& lines) {
   Grid grid{lines, {}, {}};
-  for (std::size_t a = 0; a < 3; ++a) grid.size[a] = static_cast<int>(lines[a].size());
+  for (std::size_t a = 0; a < 3; ++a) grid.size[a] = static_cast<int>(lines[a].planes.size());
   grid.values.resize(grid.index(0, 0, grid.size[2]));
   std::array<int, 3> blocks;
   for (int a = 0; a < 3; ++a) blocks[a] = (grid.size[a] + kBlock - 1) / kBlock;
@@ -123,7 +125,7 @@ bool cell_vertex(const Grid& grid, int x, int y, int z, Vector3d& vertex) {
       sum += point;
       ++crossings;
     }
-  vertex = grid.corner(x, y, z) + grid.cell(x, y, z).cwiseProduct(sum / crossings);
+  vertex = grid.corner(x, y, z) + grid.cell(x, y, z).cwiseProduct(sum) / crossings;
   return true;
 }
 
@@ -333,22 +335,27 @@ void relax(TriangleMesh& mesh, const DistanceField& field, int rounds) {
 GridLines regular_lines(const Vector3d& low, const Vector3d& high, double cell) {
   GridLines lines;
   for (int a = 0; a < 3; ++a) {
+    GridLine& line = lines[as_size(a)];
     const int count = static_cast<int>(std::ceil((high[a] - low[a]) / cell)) + 2;
-    for (int i = 0; i < count; ++i) lines[as_size(a)].push_back(low[a] + cell * i);
+    for (int i = 0; i < count; ++i) line.planes.push_back(low[a] + cell * i);
+    line.cells.assign(as_size(count), cell);
   }
   return lines;
 }
 
 void refine_lines(GridLines& lines, const Vector3d& low, const Vector3d& high, double cell) {
   for (int a = 0; a < 3; ++a) {
-    std::vector<double>& along = lines[as_size(a)];
-    const auto first = std::lower_bound(along.begin(), along.end(), low[a]);
-    const auto last = std::upper_bound(first, along.end(), high[a]);
-    std::vector<double> refined(along.begin(), first);
+    std::vector<double>& planes = lines[as_size(a)].planes;
+    const auto first = std::lower_bound(planes.begin(), planes.end(), low[a]);
+    const auto last = std::upper_bound(first, planes.end(), high[a]);
+    std::vector<double> refined(planes.begin(), first);
     const int count = static_cast<int>(std::ceil((high[a] - low[a]) / cell));
     for (int i = 0; i <= count; ++i) refined.push_back(low[a] + (high[a] - low[a]) * i / count);
-    refined.insert(refined.end(), last, along.end());
-    along = std::move(refined);
+    refined.insert(refined.end(), last, planes.end());
+    planes = std::move(refined);
+    std::vector<double>& cells = lines[as_size(a)].cells;
+    cells.assign(planes.size(), 0.0);
+    for (std::size_t i = 0; i + 1 < planes.size(); ++i) cells[i] = planes[i + 1] - planes[i];
   }
 }
 

@@ -9,8 +9,13 @@
 
 namespace doppel {
 
-/// The planes of a grid: their coordinates along x, y and z, ascending, metres.
-using GridLines = std::array<std::vector<double>, 3>;
+/// The planes of a grid along one axis.
+struct GridLine {
+  std::vector<double> planes;  ///< [n] coordinates, ascending, metres
+  std::vector<double> cells;   ///< [n] from each plane to the next, before rounding; the last one is not used
+};
+/// Along x, y and z.
+using GridLines = std::array<GridLine, 3>;
 /// Planes `cell` metres apart over a box.
 GridLines regular_lines(const Eigen::Vector3d& low, const Eigen::Vector3d& high, double cell);
 /// Replaces the planes that cut a box, along each axis, by planes `cell` metres apart or less.

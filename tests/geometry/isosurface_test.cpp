@@ -15,17 +15,19 @@ using Eigen::Vector3d;
 TEST(GridLines, CoverTheBoxWithCellsOfTheGivenSize) {
   GridLines lines = regular_lines({-1, -1, -1}, {1, 1, 1}, 0.1);
   refine_lines(lines, {0.31, -0.5, -0.02}, {0.52, 0.5, 0.02}, 0.02);
-  for (const std::vector<double>& along : lines) {
-    EXPECT_TRUE(std::is_sorted(along.begin(), along.end()));
-    EXPECT_LE(along.front(), -1.0);
-    EXPECT_GE(along.back(), 1.0);
+  for (const GridLine& line : lines) {
+    EXPECT_LE(line.planes.front(), -1.0);
+    EXPECT_GE(line.planes.back(), 1.0);
+    ASSERT_EQ(line.cells.size(), line.planes.size());
+    for (std::size_t i = 0; i + 1 < line.planes.size(); ++i) {
+      EXPECT_GT(line.cells[i], 0.0);
+      EXPECT_LE(line.cells[i], 0.1 + 1e-12);
+      EXPECT_NEAR(line.planes[i + 1] - line.planes[i], line.cells[i], 1e-15);
+    }
   }
-  for (std::size_t i = 1; i < lines[0].size(); ++i) {
-    const double cell = lines[0][i] - lines[0][i - 1];
-    EXPECT_GT(cell, 0.0);
-    EXPECT_LE(cell, 0.1 + 1e-12);
-    if (lines[0][i - 1] >= 0.31 && lines[0][i] <= 0.52) EXPECT_LE(cell, 0.02 + 1e-12);
-  }
+  const GridLine& x = lines[0];
+  for (std::size_t i = 0; i + 1 < x.planes.size(); ++i)
+    if (x.planes[i] >= 0.31 && x.planes[i + 1] <= 0.52) EXPECT_LE(x.cells[i], 0.02 + 1e-12);
 }
 
 /// Two bars side by side, 4 mm apart, that a third one joins at their ends.
