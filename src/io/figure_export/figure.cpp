@@ -99,6 +99,9 @@ void rename_nodes(Figure& figure, BoneNames names) {
   const std::vector<int> spine = spine_of(figure, hips, neck);
   for (std::size_t i = 0; i < std::min(spine.size(), spine_words.size()); ++i)
     renamed.emplace(figure.nodes[spine[i]].name, spine_words[i]);
+  for (const FigureNode& node : figure.nodes)
+    if (const auto finger = vrm_fingers().find(node.name); finger != vrm_fingers().end())
+      renamed.emplace(node.name, vrm ? finger->second : node.name);
   for (FigureNode& node : figure.nodes)
     if (const auto found = renamed.find(node.name); found != renamed.end()) node.name = prefix + found->second;
 }
@@ -159,6 +162,25 @@ Figure make_figure(const Character& character, BoneNames names) {
   figure.rest = pose_nodes(figure, character.skeleton, character.rest_dofs);
   figure.rest_vertices = character.mesh.vertices;
   return figure;
+}
+
+const std::map<std::string, std::string>& vrm_fingers() {
+  static const std::map<std::string, std::string> kNames = [] {
+    constexpr std::array<std::array<const char*, 2>, 5> kFingers{
+        {{"Thumb", "Thumb"}, {"Index", "Index"}, {"Middle", "Middle"}, {"Ring", "Ring"}, {"Pinky", "Little"}}};
+    std::map<std::string, std::string> names;
+    for (const auto& [mixamo, vrm] : kFingers) {
+      const bool thumb = std::string(vrm) == "Thumb";
+      const std::array<const char*, 3> parts{thumb ? "Metacarpal" : "Proximal", thumb ? "Proximal" : "Intermediate",
+                                             "Distal"};
+      for (std::size_t k = 0; k < parts.size(); ++k) {
+        names["LeftHand" + std::string(mixamo) + std::to_string(k + 1)] = "left" + std::string(vrm) + parts[k];
+        names["RightHand" + std::string(mixamo) + std::to_string(k + 1)] = "right" + std::string(vrm) + parts[k];
+      }
+    }
+    return names;
+  }();
+  return kNames;
 }
 
 std::map<std::string, std::string> renamed_bones(const Character& character, BoneNames names) {

@@ -37,6 +37,9 @@ struct Figure {
 /// @throws UsageError when `names` is not skeletool, and too few names are recognised
 Figure make_figure(const Character& character, BoneNames names);
 
+/// The names in VRM (`leftIndexProximal`) of the bones of fingers, by those in Mixamo (`LeftHandIndex1`).
+const std::map<std::string, std::string>& vrm_fingers();
+
 /// The new name of each bone that `make_figure` renames. Empty for skeletool. @throws UsageError as make_figure
 std::map<std::string, std::string> renamed_bones(const Character& character, BoneNames names);
 

@@ -16,6 +16,11 @@ const std::vector<std::string> kRequired{"hips",          "spine",         "head
 const std::vector<std::string> kOptional{"chest",         "upperChest", "neck",     "leftShoulder",
                                          "rightShoulder", "leftToes",   "rightToes"};
 
+bool is_finger(const std::string& name) {
+  const auto& fingers = vrm_fingers();
+  return std::any_of(fingers.begin(), fingers.end(), [&](const auto& names) { return names.second == name; });
+}
+
 std::vector<std::string> missing_bones(const std::map<std::string, int>& bones) {
   std::vector<std::string> missing;
   for (const std::string& name : kRequired)
@@ -31,6 +36,7 @@ std::map<std::string, int> human_bones(const Figure& figure, int first_node) {
     for (const auto* known : {&kRequired, &kOptional})
       if (std::find(known->begin(), known->end(), name) != known->end())
         bones.emplace(name, first_node + static_cast<int>(i));
+    if (is_finger(name)) bones.emplace(name, first_node + static_cast<int>(i));
   }
   if (bones.count("chest") == 0) bones.erase("upperChest");
   return bones;

@@ -37,6 +37,20 @@ TEST(Vrm, NamesBonesAndAuthors) {
     EXPECT_EQ(bones.Get(kBones[i]).Get("node").GetNumberAsInt(), 5 + static_cast<int>(i)) << kBones[i];
 }
 
+TEST(Vrm, KnowsTheBonesOfFingers) {
+  EXPECT_EQ(vrm_fingers().size(), 30U);
+  EXPECT_EQ(vrm_fingers().at("LeftHandThumb1"), "leftThumbMetacarpal");
+  EXPECT_EQ(vrm_fingers().at("RightHandThumb2"), "rightThumbProximal");
+  EXPECT_EQ(vrm_fingers().at("LeftHandIndex1"), "leftIndexProximal");
+  EXPECT_EQ(vrm_fingers().at("RightHandPinky2"), "rightLittleIntermediate");
+  EXPECT_EQ(vrm_fingers().at("LeftHandRing3"), "leftRingDistal");
+  std::vector<std::string> names = kBones;
+  names.back() = "rightLittleIntermediate";
+  const tinygltf::Value vrm = vrm_extension(figure_of(names), "anna", {{"Anna"}, ""}, 5);
+  EXPECT_EQ(vrm.Get("humanoid").Get("humanBones").Get("rightLittleIntermediate").Get("node").GetNumberAsInt(),
+            5 + static_cast<int>(kBones.size()) - 1);
+}
+
 TEST(Vrm, SaysWhichBonesAreMissing) {
   std::vector<std::string> names = kBones;
   names[4] = "skull";
