@@ -9,6 +9,7 @@
 #include "doppel/core/progress.h"
 #include "doppel/data/dataset/loader.h"
 #include "doppel/eval/ground_truth.h"
+#include "doppel/eval/hand_boxes.h"
 #include "doppel/eval/mean.h"
 #include "doppel/eval/scans.h"
 #include "doppel/eval/surface_metrics.h"
@@ -49,9 +50,24 @@ std::vector<CameraGroup> group_by_size(const Dataset& dataset, const std::vector
   return out;
 }
 
+/// The overlap of a view, and of the squares around the hands in it.
+struct ViewOverlap {
+  Overlap whole;
+  std::vector<Overlap> hands;
+};
+
+Overlap overlap_in(const cv::Rect& box, const cv::Mat& mask, const std::uint8_t* covered) {
+  Overlap result;
+  for (int y = box.y; y < box.y + box.height; ++y)
+    result += overlap(mask.ptr(y) + box.x, covered + std::int64_t{y} * mask.cols + box.x, box.width);
+  return result;
+}
+
 /// Overlaps of B frames with the cameras of a group, [B][C].
-std::vector<std::vector<Overlap>> overlaps(const Dataset& dataset, const CameraGroup& group, Rasterizer& rasterizer,
-                                           const std::vector<SampleId>& samples, const torch::Tensor& vertices) {
+/// @param hands null: not measured
+std::vector<std::vector<ViewOverlap>> overlaps(const Dataset& dataset, const CameraGroup& group, Rasterizer& rasterizer,
+                                               const std::vector<SampleId>& samples, const torch::Tensor& vertices,
+                                               const HandBoxes* hands) {
   const auto num_frames = static_cast<std::int64_t>(samples.size()),
              num_cameras = static_cast<std::int64_t>(group.cameras.size());
   const torch::Tensor covered =
@@ -61,7 +77,7 @@ std::vector<std::vector<Overlap>> overlaps(const Dataset& dataset, const CameraG
           .contiguous();
   const std::uint8_t* pixels = covered.data_ptr<std::uint8_t>();
   const std::int64_t image = std::int64_t{group.width} * group.height;
-  std::vector<std::vector<Overlap>> result(samples.size(), std::vector<Overlap>(group.cameras.size()));
+  std::vector<std::vector<ViewOverlap>> result(samples.size(), std::vector<ViewOverlap>(group.cameras.size()));
   at::parallel_for(0, num_frames * num_cameras, 1, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t i = begin; i < end; ++i) {
       const std::int64_t b = i / num_cameras, c = i % num_cameras;
@@ -70,7 +86,10 @@ std::vector<std::vector<Overlap>> overlaps(const Dataset& dataset, const CameraG
         fail("camera {}: the mask of frame {} is {}x{}, the camera {}x{}", dataset.camera(group.cameras[c]).name,
              samples[b].frame, mask.cols, mask.rows, group.width, group.height);
       const cv::Mat whole = mask.isContinuous() ? mask : mask.clone();
-      result[b][c] = overlap(whole.data, pixels + i * image, image);
+      result[b][c].whole = overlap(whole.data, pixels + i * image, image);
+      if (!hands) continue;
+      for (const cv::Rect& box : hands->find(samples[b], group.cameras[c]))
+        result[b][c].hands.push_back(overlap_in(box, whole, pixels + i * image));
     }
   });
   return result;
@@ -79,14 +98,17 @@ std::vector<std::vector<Overlap>> overlaps(const Dataset& dataset, const CameraG
 /// The overlaps of an evaluation.
 struct OverlapMeans {
   std::map<int, Mean> cameras;  ///< IoU by camera, over frames
+  Mean hands;                   ///< IoU of the squares around hands
   Overlap total;
 
   /// @param frames [B][C]
-  void add(const CameraGroup& group, const std::vector<std::vector<Overlap>>& frames) {
+  void add(const CameraGroup& group, const std::vector<std::vector<ViewOverlap>>& frames) {
     for (const auto& frame : frames)
       for (std::size_t c = 0; c < group.cameras.size(); ++c) {
-        if (const auto iou = frame[c].iou()) cameras[group.cameras[c]].add(*iou);
-        total += frame[c];
+        if (const auto iou = frame[c].whole.iou()) cameras[group.cameras[c]].add(*iou);
+        total += frame[c].whole;
+        for (const Overlap& hand : frame[c].hands)
+          if (const auto iou = hand.iou()) hands.add(*iou);
       }
   }
   /// @pre some camera saw something
@@ -94,6 +116,7 @@ struct OverlapMeans {
     const auto united = static_cast<double>(total.united);
     result.outside = static_cast<double>(total.only_b) / united;
     result.missing = static_cast<double>(total.united - total.intersection - total.only_b) / united;
+    if (hands.count > 0) result.hand_IoU = hands.value();
   }
 };
 
@@ -165,6 +188,7 @@ struct Column {
 constexpr Column kColumns[] = {{"AMVIoU", "AMVIoU", 1, 4, ""},
                                {"RVIoU", "RVIoU", 1, 4, ""},
                                {"SVIoU", "SVIoU", 1, 4, ""},
+                               {"hand_IoU", "hands", 1, 3, ""},
                                {"outside", "outside", 100, 2, " %"},
                                {"missing", "missing", 100, 2, " %"},
                                {"vertex_error_mm", "vertex error", 1, 2, " mm"},
@@ -240,6 +264,7 @@ nlohmann::ordered_json SurfaceResult::to_json() const {
   json["AMVIoU"] = AMVIoU;
   if (RVIoU) json["RVIoU"] = *RVIoU;
   if (SVIoU) json["SVIoU"] = *SVIoU;
+  if (hand_IoU) json["hand_IoU"] = *hand_IoU;
   if (vertex_error_mm) json["vertex_error_mm"] = *vertex_error_mm;
   if (Hausdorff_mm) json["Hausdorff_mm"] = *Hausdorff_mm;
   if (surface_distance_mm) json["surface_distance_mm"] = *surface_distance_mm;
@@ -270,6 +295,7 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
   const std::vector<SampleId> samples = evaluated_samples(dataset, split, options);
   Rasterizer rasterizer(faces);
   GroundTruth ground_truth(dataset);
+  const HandBoxes hands(dataset);
   OverlapMeans means;
   GroundTruthErrors errors;
   ScanErrors scan_errors(dataset, samples, options);
@@ -279,7 +305,8 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
     const std::vector<SampleId> part(samples.begin() + static_cast<std::ptrdiff_t>(first),
                                      samples.begin() + static_cast<std::ptrdiff_t>(last));
     const torch::Tensor vertices = surface(part).to(torch::kFloat32).contiguous();
-    for (const CameraGroup& group : groups) means.add(group, overlaps(dataset, group, rasterizer, part, vertices));
+    for (const CameraGroup& group : groups)
+      means.add(group, overlaps(dataset, group, rasterizer, part, vertices, hands.known() ? &hands : nullptr));
     for (std::size_t b = 0; b < part.size(); ++b) {
       const torch::Tensor expected = ground_truth.at(part[b], vertices.size(1)),
                           found = vertices[static_cast<std::int64_t>(b)];

@@ -59,6 +59,7 @@ struct SurfaceResult {
   std::vector<std::pair<std::string, double>> cameras;  ///< IoU per camera, mean over its frames
   double AMVIoU = 0.0;                                  ///< mean over cameras
   std::optional<double> SVIoU, RVIoU;                   ///< IoU of the input camera, mean IoU of the others
+  std::optional<double> hand_IoU;  ///< IoU in squares around the hands (HandBoxes), mean over hands, frames, cameras
   /// Pixels that the surface covers outside the mask, and pixels of the mask that the surface does not cover, as shares
   /// of the pixels of all unions. A surface that is too wide increases `outside`, one that is too thin `missing`.
   double outside = 0.0, missing = 0.0;

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include "doppel/character/character.h"
+#include "doppel/character/character_folder.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/eval/hand_boxes.h"
 #include "doppel/geometry/mesh.h"
 #include "doppel/render/outline/seen_vertices.h"
 #include "doppel/render/projection.h"
@@ -90,6 +92,10 @@ using SurfaceOverlapRecovers = Capture3;
 using SurfaceOverlapReference = Capture3;
 using SurfaceOverlapRejects = Capture3;
 
+TEST_F(SurfaceOverlapReference, ACharacterWithoutHandsHasNoFigureOfThem) {
+  EXPECT_FALSE(evaluate([&](const auto& samples) { return ground_truth(samples); }).hand_IoU);
+}
+
 TEST_F(SurfaceOverlapRecovers, TheTrueSurfaceFillsItsMasks) {
   // The masks were drawn from it through the same cameras, so only rounding in the files is left.
   const auto result = evaluate([&](const auto& samples) { return ground_truth(samples); });
@@ -143,6 +149,71 @@ TEST_F(SurfaceOverlapReference, SkinningIsThinnerByTheKnownAmount) {
   EXPECT_LT(result.AMVIoU, 0.85);
   EXPECT_LT(result.outside, 0.01);
   EXPECT_NEAR(result.missing, 1 - result.AMVIoU, 0.02);
+}
+
+/// The capture with a character two of whose markers are the knuckles of hands.
+class WithHands : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    prepared_ = make_small_capture(folder_.path());
+    character_ = load_character(Dataset::open(prepared_).character_path());
+    character_.skeleton.markers[0].name = "left_middle_finger1";
+    character_.skeleton.markers[1].name = "right_middle_finger1";
+    write_character(folder_ / "character", character_);
+    dataset_ = std::make_unique<Dataset>(Dataset::open(prepared_));
+  }
+  torch::Tensor faces() const {
+    torch::Tensor faces = torch::empty({character_.mesh.num_faces(), 3}, torch::kInt32);
+    for (int f = 0; f < character_.mesh.num_faces(); ++f)
+      for (int k = 0; k < 3; ++k) faces[f][k] = character_.mesh.faces[f][k];
+    return faces;
+  }
+
+  TemporaryFolder folder_;
+  std::filesystem::path prepared_;
+  Character character_;
+  std::unique_ptr<Dataset> dataset_;
+};
+
+TEST_F(WithHands, SquaresHaveTheirSizeAndTheKnucklesInTheMiddle) {
+  const HandBoxes hands(*dataset_);
+  ASSERT_TRUE(hands.known());
+  const SampleId sample = dataset_->samples(Split::test).front();
+  const Motion& motion = dataset_->sequences()[sample.sequence].motion;
+  const auto joints = character_.skeleton.pose(motion.frames[sample.frame]);
+  const PinholeCamera& camera = dataset_->camera(0);
+  const std::vector<cv::Rect> boxes = hands.find(sample, 0);
+  ASSERT_EQ(boxes.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Marker& marker = character_.skeleton.markers[i];
+    const Eigen::Vector3d world = joints[marker.joint] * marker.position;
+    const Eigen::Vector2d knuckle = camera.project(world);
+    const double side = 0.24 * camera.K(0, 0) / camera.camera_from_world(world).z();
+    const cv::Rect whole(cv::Point2d(knuckle.x() - 0.5 * side, knuckle.y() - 0.5 * side), cv::Size2d(side, side));
+    const cv::Rect inside = whole & cv::Rect(0, 0, camera.width, camera.height);
+    EXPECT_NEAR(boxes[i].x, inside.x, 1.0);
+    EXPECT_NEAR(boxes[i].y, inside.y, 1.0);
+    EXPECT_NEAR(boxes[i].width, inside.width, 2.0);
+    EXPECT_NEAR(boxes[i].height, inside.height, 2.0);
+  }
+}
+
+TEST_F(WithHands, OnlyTheSquaresCount) {
+  const auto true_surface = [&](const std::vector<SampleId>& samples) {
+    std::vector<torch::Tensor> rows;
+    for (const SampleId& sample : samples)
+      rows.push_back(
+          small_capture::true_surface(character_, dataset_->sequences()[sample.sequence].motion, 0.02)[sample.frame]);
+    return torch::stack(rows);
+  };
+  const auto all = evaluate_surface(*dataset_, Split::test, faces(), true_surface, {}, "test");
+  EXPECT_GT(all.hand_IoU.value(), 0.999);
+  // Nothing is drawn where the vertices are at one point, far from the hands.
+  const auto none = evaluate_surface(
+      *dataset_, Split::test, faces(),
+      [&](const std::vector<SampleId>& samples) { return torch::zeros_like(true_surface(samples)); }, {}, "test");
+  EXPECT_EQ(none.hand_IoU.value(), 0.0);
+  EXPECT_TRUE(none.to_json().contains("hand_IoU"));
 }
 
 TEST_F(SurfaceOverlapReference, ChosenCamerasAndFrames) {

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <array>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "doppel/character/character.h"
+#include "doppel/data/dataset/dataset.h"
+
+namespace doppel {
+
+/// Where the hands are in the views of a capture: squares of 24 cm around the knuckle of each middle finger, by the
+/// poses of the capture and the marker `middle_finger1`.
+class HandBoxes {
+ public:
+  explicit HandBoxes(const Dataset& dataset);
+
+  /// Whether the character has the markers.
+  bool known() const { return knuckles_[0] && knuckles_[1]; }
+  /// The squares of both hands, cut off at the border of the image. A hand that is behind the camera, or whose square
+  /// lies outside of the image, is left out. None where the pose of the frame is unknown.
+  /// @param camera index of the dataset @pre known
+  std::vector<cv::Rect> find(const SampleId& sample, int camera) const;
+
+ private:
+  const Dataset& dataset_;
+  Character character_;
+  std::array<std::optional<Marker>, 2> knuckles_;  ///< left and right
+};
+
+}  // namespace doppel
