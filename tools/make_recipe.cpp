@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "doppel/core/config.h"
+#include "doppel/core/error.h"
 #include "doppel/train/builtin_recipes.h"
 
 namespace doppel::tools {
@@ -27,6 +28,7 @@ constexpr std::array kFilmSettings{"egnet.loss.anchor=1e7",         "egnet.loss.
 std::string builtin_text(std::string_view name) {
   const auto found = std::find_if(kBuiltinRecipes.begin(), kBuiltinRecipes.end(),
                                   [&](const BuiltinFile& file) { return file.name == name; });
+  if (found == kBuiltinRecipes.end()) fail("configs/small/{}.yaml is not built in", name);
   return found->text;
 }
 
@@ -35,7 +37,9 @@ std::string builtin_text(std::string_view name) {
 MakeRecipe make_recipe(bool tracked) {
   MakeRecipe recipe;
   const std::string gaussians = builtin_text("gaussians");
-  recipe.text = builtin_text("ddc") + gaussians.substr(gaussians.find("\ngaussians:\n"));
+  const std::size_t section = gaussians.find("\ngaussians:\n");
+  if (section == std::string::npos) fail("configs/small/gaussians.yaml has no section `gaussians`");
+  recipe.text = builtin_text("ddc") + gaussians.substr(section);
   if (tracked) recipe.settings.assign(kFilmSettings.begin(), kFilmSettings.end());
   const ConfigReader root = ConfigDocument::parse(recipe.text, "recipe.yaml", recipe.settings).root();
   for (const char* stage : {"egnet", "lighting", "deltanet", "texnet", "gaussians"})

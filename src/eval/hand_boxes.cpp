@@ -34,7 +34,7 @@ std::vector<cv::Rect> HandBoxes::find(const SampleId& sample, int camera_index) 
   for (const std::optional<Marker>& knuckle : knuckles_) {
     const Eigen::Vector3d world = world_from_joint[static_cast<std::size_t>(knuckle->joint)] * knuckle->position;
     const double depth = camera.camera_from_world(world).z();
-    if (depth <= kHalfSide) continue;
+    if (!(depth > kHalfSide)) continue;
     const Eigen::Vector2d pixel = camera.project(world);
     const double half = kHalfSide * camera.K(0, 0) / depth;
     const cv::Rect box(

@@ -11,7 +11,7 @@
 namespace doppel {
 
 /// Where the hands are in the views of a capture: squares of 24 cm around the knuckle of each middle finger, by the
-/// poses of the capture and the marker `middle_finger1`.
+/// poses of the capture and the markers `left_middle_finger1` and `right_middle_finger1`.
 class HandBoxes {
  public:
   explicit HandBoxes(const Dataset& dataset);

@@ -344,6 +344,9 @@ GridLines regular_lines(const Vector3d& low, const Vector3d& high, double cell) 
 }
 
 void refine_lines(GridLines& lines, const Vector3d& low, const Vector3d& high, double cell) {
+  if (!(cell > 0.0) || !((high - low).minCoeff() > 0.0))
+    fail("refining a grid: a cell of {} m and a box of {} x {} x {} m; all must be above 0", cell, high.x() - low.x(),
+         high.y() - low.y(), high.z() - low.z());
   for (int a = 0; a < 3; ++a) {
     std::vector<double>& planes = lines[as_size(a)].planes;
     const auto first = std::lower_bound(planes.begin(), planes.end(), low[a]);

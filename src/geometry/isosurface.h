@@ -12,13 +12,16 @@ namespace doppel {
 /// The planes of a grid along one axis.
 struct GridLine {
   std::vector<double> planes;  ///< [n] coordinates, ascending, metres
-  std::vector<double> cells;   ///< [n] from each plane to the next, before rounding; the last one is not used
+  /// [n] From each plane to the next; the last one is not used. Differences of planes are rounded, and surfaces on even
+  /// grids must not depend on that.
+  std::vector<double> cells;
 };
 /// Along x, y and z.
 using GridLines = std::array<GridLine, 3>;
 /// Planes `cell` metres apart over a box.
 GridLines regular_lines(const Eigen::Vector3d& low, const Eigen::Vector3d& high, double cell);
 /// Replaces the planes that cut a box, along each axis, by planes `cell` metres apart or less.
+/// @throws Error for a box without extent, or a cell that is not above 0
 void refine_lines(GridLines& lines, const Eigen::Vector3d& low, const Eigen::Vector3d& high, double cell);
 
 /// Meshes the zero level of a field by surface nets: one vertex per grid cell and one quad per grid edge that the

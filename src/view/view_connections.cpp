@@ -87,8 +87,10 @@ class ClientStream : public httplib::Stream {
     if (count > 0) {
       used_ += static_cast<std::size_t>(count);
     } else {
-      if (!wait(POLLIN)) return -1;
-      count = ::recv(socket_, bytes, size, 0);
+      do {
+        if (!wait(POLLIN)) return -1;
+        count = ::recv(socket_, bytes, size, 0);
+      } while (count < 0 && errno == EAGAIN);
     }
     if (count > 0) bytes_read_ += static_cast<std::size_t>(count);
     refill(count);
@@ -186,7 +188,10 @@ void ViewConnections::step() {
   const bool takes_more = being_answered_ < kMaxConnections;
   std::vector<pollfd> polled = {{wake_event_, POLLIN, 0}, {svr_sock_, static_cast<short>(takes_more ? POLLIN : 0), 0}};
   for (const ConnectionPointer& connection : waiting_) polled.push_back({connection->socket, POLLIN, 0});
-  if (::poll(polled.data(), polled.size(), milliseconds_to_wait()) < 0) return;
+  if (::poll(polled.data(), polled.size(), milliseconds_to_wait()) < 0) {
+    if (errno != EINTR) std::this_thread::sleep_for(kLookForStop);  // a low limit of open files: do not spin
+    return;
+  }
   eventfd_t ignored = 0;
   if (polled[0].revents != 0) ::eventfd_read(wake_event_, &ignored);
   std::size_t at = 2;

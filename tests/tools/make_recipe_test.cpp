@@ -11,7 +11,10 @@
 namespace doppel::tools::make_recipe_test {
 namespace {
 
-const MakeRecipe kRecipe = make_recipe(false);
+const MakeRecipe& recipe() {
+  static const MakeRecipe kRecipe = make_recipe(false);
+  return kRecipe;
+}
 
 /// The steps that `fit_recipe` sets, by stage.
 std::map<std::string, long> steps_of(const std::vector<std::string>& settings) {
@@ -23,7 +26,7 @@ std::map<std::string, long> steps_of(const std::vector<std::string>& settings) {
 
 std::map<std::string, double> every_step_takes(double seconds) {
   std::map<std::string, double> speeds;
-  for (const auto& [stage, steps] : kRecipe.steps) speeds[stage] = seconds;
+  for (const auto& [stage, steps] : recipe().steps) speeds[stage] = seconds;
   return speeds;
 }
 
@@ -34,33 +37,43 @@ long total(const std::map<std::string, long>& steps) {
 }
 
 TEST(MakeRecipe, HasTheStepsOfItsFileWhereTheTimeSuffices) {
-  const auto found = steps_of(fit_recipe(kRecipe, every_step_takes(0.1), 300, 1e6));
-  for (const auto& [stage, steps] : kRecipe.steps) EXPECT_EQ(found.at(stage), steps) << stage;
+  const auto found = steps_of(fit_recipe(recipe(), every_step_takes(0.1), 300, 1e6));
+  for (const auto& [stage, steps] : recipe().steps) EXPECT_EQ(found.at(stage), steps) << stage;
 }
 
 TEST(MakeRecipe, FillsTheTimeInTheSameProportion) {
-  const long whole = total(steps_of(fit_recipe(kRecipe, every_step_takes(0.1), 300, 1e6)));
-  const auto half = steps_of(fit_recipe(kRecipe, every_step_takes(0.1), 300, 0.05 * static_cast<double>(whole)));
-  for (const auto& [stage, steps] : kRecipe.steps) EXPECT_EQ(half.at(stage), steps / 2) << stage;
+  const long whole = total(steps_of(fit_recipe(recipe(), every_step_takes(0.1), 300, 1e6)));
+  const auto half = steps_of(fit_recipe(recipe(), every_step_takes(0.1), 300, 0.05 * static_cast<double>(whole)));
+  for (const auto& [stage, steps] : recipe().steps) EXPECT_EQ(half.at(stage), steps / 2) << stage;
 }
 
 TEST(MakeRecipe, TrainsLongerOnMoreFrames) {
-  const auto found = steps_of(fit_recipe(kRecipe, every_step_takes(0.1), 900, 1e6));
-  for (const auto& [stage, steps] : kRecipe.steps) EXPECT_EQ(found.at(stage), 3 * steps) << stage;
+  const auto found = steps_of(fit_recipe(recipe(), every_step_takes(0.1), 900, 1e6));
+  for (const auto& [stage, steps] : recipe().steps) EXPECT_EQ(found.at(stage), 3 * steps) << stage;
 }
 
-/// Both recipes are chains that `doppel train` accepts, and settings of film reach their stages.
+/// Both recipes are chains that `doppel train` accepts.
 TEST(MakeRecipe, IsAChainWithGaussiansAtItsEnd) {
   for (const bool tracked : {false, true}) {
-    const MakeRecipe recipe = make_recipe(tracked);
-    std::vector<std::string> settings = recipe.settings;
+    const MakeRecipe made = make_recipe(tracked);
+    std::vector<std::string> settings = made.settings;
     settings.emplace_back("capture=prepared");
-    const StageChain chain = StageChain::read(ConfigDocument::parse(recipe.text, "recipe.yaml", settings));
-    ASSERT_EQ(recipe.steps.size(), 5u);
-    for (const auto& [stage, steps] : recipe.steps) EXPECT_TRUE(chain.has(stage)) << stage;
-    EXPECT_EQ(recipe.steps.back().first, "gaussians");
-    EXPECT_EQ(recipe.steps.back().second, tracked ? 600 : 3000);
+    const StageChain chain = StageChain::read(ConfigDocument::parse(made.text, "recipe.yaml", settings));
+    ASSERT_EQ(made.steps.size(), 5u);
+    for (const auto& [stage, steps] : made.steps) EXPECT_TRUE(chain.has(stage)) << stage;
+    EXPECT_EQ(made.steps.back().first, "gaussians");
+    EXPECT_EQ(made.steps.back().second, tracked ? 600 : 3000);
   }
+}
+
+TEST(MakeRecipe, SettingsOfFilmReachTheirStages) {
+  const MakeRecipe film = make_recipe(true);
+  const ConfigReader root = ConfigDocument::parse(film.text, "recipe.yaml", film.settings).root();
+  EXPECT_EQ(root.section("egnet").section("loss").get<double>("anchor"), 1e7);
+  EXPECT_EQ(root.section("egnet").section("loss").get<double>("arap"), 1500.0);
+  EXPECT_EQ(root.section("texnet").section("model").get<int>("size"), 256);
+  EXPECT_EQ(root.section("texnet").section("model").get<int>("detail"), 4);
+  EXPECT_FALSE(root.section("gaussians").section("model").get<bool>("network"));
 }
 
 TEST(MakeChainReference, CommandLinesAreQuotedAsShellsNeedIt) {

@@ -1,5 +1,7 @@
 #include "doppel/detect/hands/hand_pose.h"
 
+#include <algorithm>
+
 #include "doppel/core/as_size.h"
 
 namespace doppel {
@@ -9,6 +11,14 @@ const std::array<const char*, kNumHandPoints> kHandPointNames = {
     "forefinger2",    "forefinger3",   "forefinger4",  "middle_finger1", "middle_finger2", "middle_finger3",
     "middle_finger4", "ring_finger1",  "ring_finger2", "ring_finger3",   "ring_finger4",   "pinky_finger1",
     "pinky_finger2",  "pinky_finger3", "pinky_finger4"};
+
+bool is_hand_point(const std::string& landmark) {
+  for (const std::string side : {"left_", "right_"})
+    if (landmark.starts_with(side))
+      return std::find(kHandPointNames.begin(), kHandPointNames.end(), landmark.substr(side.size())) !=
+             kHandPointNames.end();
+  return false;
+}
 
 HandPose decode_hand(const HandOutputs& outputs, const BodyRoi& roi) {
   HandPose hand;

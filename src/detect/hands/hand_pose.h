@@ -4,6 +4,7 @@
 #include <array>
 #include <optional>
 #include <span>
+#include <string>
 
 #include "doppel/detect/blazepose/roi.h"
 
@@ -17,6 +18,8 @@ inline constexpr int kNumHandPoints = 21;
 /// The points in the network's order, without the side: "hand_root" (the wrist), "thumb1" to "thumb4" (the tip), and
 /// the same for "forefinger", "middle_finger", "ring_finger" and "pinky_finger", whose point 1 is the knuckle.
 extern const std::array<const char*, kNumHandPoints> kHandPointNames;
+/// Whether a landmark is such a point of the left or right hand: "left_thumb1".
+bool is_hand_point(const std::string& landmark);
 
 /// One hand in one image.
 struct HandPose {

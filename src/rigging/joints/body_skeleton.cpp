@@ -276,13 +276,21 @@ void add_leg(RestSkeleton& b, int root, const BodyJoints& joints, bool left) {
   b.fixed(bone + "ToeBaseEE", j, at("toe_end"));
 }
 
+void check_length(const BodyJoints& joints, const std::string& from, const std::string& to) {
+  if (!((joints.at(from) - joints.at(to)).norm() > 1e-4))
+    fail("the skeleton of a body: {} and {} lie at one position; a bone needs a length", from, to);
+}
+
 void check_lengths(const BodyJoints& joints) {
   const std::vector<std::array<const char*, 2>> bones{
       {"shoulder", "elbow"}, {"elbow", "wrist"}, {"hip", "knee"}, {"knee", "ankle"}, {"ankle", "toe"}};
-  for (const auto& [from, to] : bones)
-    for (const std::string side : {"left_", "right_"})
-      if (!((joints.at(side + from) - joints.at(side + to)).norm() > 1e-4))
-        fail("the skeleton of a body: {0}{1} and {0}{2} lie at one position; a bone needs a length", side, from, to);
+  for (const std::string side : {"left_", "right_"}) {
+    for (const auto& [from, to] : bones) check_length(joints, side + from, side + to);
+    if (!has_fingers(joints, side)) continue;
+    for (const Finger& finger : kFingers)
+      for (int k = 1; k <= kFingerBones; ++k)
+        check_length(joints, finger_point(side, finger, k), finger_point(side, finger, k + 1));
+  }
 }
 
 }  // namespace

@@ -45,6 +45,7 @@ class GraphModel {
   int num_nodes() const { return static_cast<int>(nodes_.size()); }
   int num_unknowns() const { return kBlockSize * num_nodes(); }
   int num_landmarks() const { return static_cast<int>(landmark_node_.size()); }
+  double landmark_weight(int landmark) const { return poses_.landmark_weight(landmark); }
   const Character& character() const { return poses_.character(); }
   const std::vector<Eigen::Vector3d>& nodes() const { return nodes_; }  ///< [K] g_k
   std::string unknown_name(int unknown) const;

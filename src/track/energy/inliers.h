@@ -7,7 +7,8 @@
 
 namespace doppel {
 
-/// The inliers of a pose: keypoints within the inlier threshold of their landmark.
+/// The inliers of a pose: keypoints within the inlier threshold of their landmark. Ratio and error count keypoints by
+/// the model's `landmark_weight`.
 struct Inliers {
   int keypoints = 0;   ///< number of confident keypoints
   double ratio = 0.0;  ///< inliers among the confident keypoints

@@ -7,6 +7,7 @@
 #include "doppel/character/pose_solver.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/track/energy/landmark_weight.h"
 
 namespace doppel {
 namespace {
@@ -47,7 +48,10 @@ PoseModel::PoseModel(const Character& character, std::vector<Marker> landmarks, 
   }
   for (int axis = 0; root_ && axis < 3; ++axis) unknowns_.push_back({-1, axis});
   for (int d = 0; d < skeleton.num_dofs(); ++d) reach_.push_back(reach_of_dof(skeleton, d));
-  for (const Marker& landmark : landmarks_) landmark_carrier_.push_back(carrier_of(landmark.joint));
+  for (const Marker& landmark : landmarks_) {
+    landmark_carrier_.push_back(carrier_of(landmark.joint));
+    landmark_weights_.push_back(doppel::landmark_weight(landmark.name));
+  }
   const std::vector<Eigen::Affine3d> rest = skeleton.pose(character.rest_dofs);
   for (const int joint : character.bone_joint) {
     bone_carrier_.push_back(carrier_of(joint));

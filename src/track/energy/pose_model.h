@@ -51,6 +51,7 @@ class PoseModel {
   int num_unknowns() const { return static_cast<int>(unknowns_.size()); }
   int num_landmarks() const { return static_cast<int>(landmarks_.size()); }
   const std::vector<Marker>& landmarks() const { return landmarks_; }
+  double landmark_weight(int landmark) const { return landmark_weights_[static_cast<std::size_t>(landmark)]; }
   const Character& character() const { return character_; }
   const std::optional<RootRotation>& root() const { return root_; }
   /// The name of the unknown's DoF, or `root turn x`, `root turn y`, `root turn z`.
@@ -131,6 +132,7 @@ class PoseModel {
   std::vector<bool> turned_;                      ///< [carriers] whether the root's rotation moves it
   std::vector<std::vector<int>> movers_;          ///< [carriers] unknowns that move it
   std::vector<int> landmark_carrier_;             ///< [M]
+  std::vector<double> landmark_weights_;          ///< [M] landmark_weight.h
   std::vector<int> bone_carrier_;                 ///< [Bn]
   std::vector<Eigen::Affine3d> joint_from_rest_;  ///< [Bn] inverse of the bone's joint in the rest pose
   std::vector<Eigen::Vector3d> rest_vertices_;    ///< [N]

@@ -45,12 +45,14 @@ class ShapeSource {
 
   const ShapeFamily& family() const { return family_; }
   int num_landmarks() const { return static_cast<int>(landmarks_.size()); }
+  double landmark_weight(int landmark) const { return landmark_weights_[static_cast<std::size_t>(landmark)]; }
   /// @param parameters [P] @param jacobian whether the raised bodies are needed
   std::shared_ptr<const ShapeNeighbours> at(const std::vector<double>& parameters, bool jacobian) const;
 
  private:
   const ShapeFamily& family_;
   std::vector<std::string> landmarks_;
+  std::vector<double> landmark_weights_;  ///< [M] landmark_weight.h
   mutable std::shared_ptr<const ShapeNeighbours> last_;
 };
 
@@ -75,6 +77,7 @@ class ShapeModel {
 
   int num_unknowns() const { return source_.family().num_parameters(); }
   int num_landmarks() const { return source_.num_landmarks(); }
+  double landmark_weight(int landmark) const { return source_.landmark_weight(landmark); }
   const ShapeFamily& family() const { return source_.family(); }
   std::string unknown_name(int unknown) const { return family().parameters()[unknown].name; }
 

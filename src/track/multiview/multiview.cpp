@@ -117,7 +117,8 @@ TrackedFrame MultiviewTracker::track(const FrameEvidence& frame) {
 std::optional<std::vector<double>> MultiviewTracker::start_anew(const Points& points) const {
   std::vector<PointTerm::Target> targets;
   for (std::size_t m = 0; m < points.size(); ++m)
-    if (points[m]) targets.push_back({static_cast<int>(m), points[m]->position, 1.0});
+    if (points[m])
+      targets.push_back({static_cast<int>(m), points[m]->position, model_.landmark_weight(static_cast<int>(m))});
   if (targets.size() < kMinTriangulated) return std::nullopt;
   std::optional<std::vector<double>> best;
   double least = std::numeric_limits<double>::infinity();
@@ -172,7 +173,8 @@ Terms MultiviewTracker::terms(const FrameEvidence& frame, const std::vector<Outl
     const PosedBody body = model_.pose(*expected, false);
     std::vector<PointTerm::Target> targets;
     targets.reserve(model_.num_landmarks());
-    for (int m = 0; m < model_.num_landmarks(); ++m) targets.push_back({m, model_.landmark(body, m), 1.0});
+    for (int m = 0; m < model_.num_landmarks(); ++m)
+      targets.push_back({m, model_.landmark(body, m), model_.landmark_weight(m)});
     result.push_back(std::make_unique<PointTerm>("temporal", std::move(targets), o.temporal_weight));
   }
   return result;

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include "doppel/detect/hands/hand_pose.h"
+#include "doppel/track/energy/inliers.h"
+#include "doppel/track/energy/landmark_weight.h"
 #include "track/energy/body_fixture.h"
 #include "track/energy/term_check.h"
 
@@ -46,6 +49,40 @@ TEST_F(KeypointTermTest, LeavesOutWhatTheDetectorDoubts) {
   frame_[0].keypoints[1].confidence = 0.0f;
   frame_[0].keypoints[3].confidence = 0.4f;
   EXPECT_EQ(rows_at(character_.rest_dofs).num_rows(), 2 * (3 * model_.num_landmarks() - 2));
+}
+
+TEST_F(KeypointTermTest, AHandCountsAsThreePoints) {
+  double hand = 0.0;
+  for (const char* name : kHandPointNames) {
+    EXPECT_DOUBLE_EQ(landmark_weight(std::string("left_") + name), landmark_weight(std::string("right_") + name));
+    hand += landmark_weight(std::string("left_") + name);
+  }
+  EXPECT_NEAR(hand, 3.0, 1e-12);
+  for (const char* name : {"left_wrist", "left_index", "left_thumb", "thumb1", "nose", "left_big_toe"})
+    EXPECT_EQ(landmark_weight(name), 1.0) << name;
+}
+
+TEST_F(KeypointTermTest, WeighsThePointsOfHandsLess) {
+  std::vector<Marker> landmarks = model_.landmarks();
+  landmarks[1].name = "right_ring_finger3";
+  const PoseModel with_finger(character_, landmarks, all_dofs(character_));
+  Residuals rows;
+  KeypointTerm<PoseModel>(cameras_, frame_, 2.0, kernel_)
+      .evaluate(with_finger, with_finger.pose(character_.rest_dofs, true), true, rows);
+  EXPECT_NEAR(rows.weight(2), 2.0 * 0.9 / 7.0, 1e-6);
+  EXPECT_NEAR(rows.weight(0), 2.0 * 0.9, 1e-6);
+}
+
+TEST_F(KeypointTermTest, InliersCountTheSameWay) {
+  std::vector<Marker> landmarks = model_.landmarks();
+  landmarks[1].name = "right_ring_finger3";
+  const PoseModel with_finger(character_, landmarks, all_dofs(character_));
+  frame_[0].keypoints[1].x += 1000.0f;
+  const int m = model_.num_landmarks();
+  const Inliers inliers =
+      count_inliers(with_finger, with_finger.pose(character_.rest_dofs, false), cameras_, frame_, 40.0);
+  EXPECT_EQ(inliers.keypoints, 3 * m);
+  EXPECT_NEAR(inliers.ratio, 1.0 - (1.0 / 7.0) / (3 * (m - 1) + 3.0 / 7.0), 1e-12);
 }
 
 TEST_F(KeypointTermTest, JacobianAreCentralDifferences) {

@@ -20,7 +20,7 @@ void KeypointTerm<Model>::evaluate(const Model& model, const typename Model::Sta
     for (int m = 0; m < model.num_landmarks(); ++m) {
       const Keypoint& keypoint = frame_[c].keypoints[m];
       if (!(keypoint.confidence >= kSeenConfidence)) continue;
-      const double share = landmark_weights_.empty() ? 1.0 : landmark_weights_[m];
+      const double share = model.landmark_weight(m) * (landmark_weights_.empty() ? 1.0 : landmark_weights_[m]);
       const Eigen::Index first = rows.add_group(weight_ * share * keypoint.confidence);
       const auto projected = project_with_jacobian(cameras_[c], model.landmark(body, m));
       if (!projected) {

@@ -8,8 +8,8 @@
 namespace doppel {
 
 /// Pulls projected landmarks to their keypoints: the residual is pi_c(p_m) - k_cm in every camera (4.3), in reference
-/// pixels (image 1024 wide), weighted by the confidence, which counts as 0 below kSeenConfidence. A landmark behind a
-/// camera has the residual kBehindCamera.
+/// pixels (image 1024 wide), weighted by the confidence, which counts as 0 below kSeenConfidence, and by the model's
+/// `landmark_weight`. A landmark behind a camera has the residual kBehindCamera.
 template <typename Model>
 class KeypointTerm : public Term<Model> {
  public:
