@@ -9,6 +9,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
 
+#include "animate_rates.h"
 #include "command.h"
 #include "doppel/actor/draw.h"
 #include "doppel/actor/export/animation.h"
@@ -32,7 +33,6 @@
 #include "doppel/data/capture/video.h"
 #include "doppel/data/dataset/dataset.h"
 #include "doppel/io/motion_import/read_motion_file.h"
-#include "doppel/io/rig_import/motions_json.h"
 #include "doppel/render/splats/splat_rows.h"
 #include "doppel/render/splats/splats.h"
 
@@ -65,49 +65,6 @@ struct AnimateOptions {
 
 // ---- the motion ----
 
-/// The rates of an animation, frames per second.
-struct Rates {
-  double source = 0.0;    ///< of the rows of a `.motion`, which the file does not state; 0: unknown
-  double training = 0.0;  ///< of the actor; 0: skinning alone has none
-  double result = 0.0;    ///< 0: that of the motion's file
-};
-
-/// The rate at which the motion is read. Windows hold poses at the rate of the training; where this does not divide the
-/// rate of the result, they are interpolated between frames that are at most a quarter as far apart.
-/// @return a multiple of the rate of the result; 0: that of the motion's file
-double reading_rate(const Rates& rates) {
-  constexpr double kFiner = 4.0, kMaxRate = 1000.0;
-  const double poses = rates.training > 0 ? rates.result / rates.training : 1.0;
-  if (poses >= 1.0 && std::abs(poses - std::round(poses)) < 1e-6) return rates.result;
-  const double wanted = std::ceil(kFiner / poses - 1e-6), possible = std::floor(kMaxRate / rates.result);
-  return rates.result * std::max(1.0, std::min(wanted, possible));
-}
-
-/// The rate that `--source-fps`, or for a `.motion` the list of imported motions, states; 0: none.
-double stated_rate(const AnimateOptions& options) {
-  if (options.source_fps > 0) return options.source_fps;
-  return is_foreign_motion(options.motion) ? 0.0 : imported_rate(options.motion).value_or(0.0);
-}
-
-/// @param training of the actor, or nothing
-Rates rates_of(const AnimateOptions& options, std::optional<double> training) {
-  Rates rates;
-  rates.source = stated_rate(options);
-  rates.training = training.value_or(0.0);
-  rates.result = options.fps > 0 ? options.fps : rates.training;
-  if (rates.source > 0 || is_foreign_motion(options.motion)) return rates;
-  rates.source = rates.training;
-  if (options.fps > 0 && training)
-    log::info("{}: its rows are taken as {:g} frames a second, as in the training; --source-fps states another rate",
-              options.motion, *training);
-  else if (options.fps > 0)
-    log::warn(
-        "{} states no rate, so its rows are taken as {:g} frames a second: --fps alters the speed of the motion; "
-        "--source-fps states the rate of the rows, and the motion is resampled",
-        options.motion, options.fps);
-  return rates;
-}
-
 MotionFileOptions motion_options(const AnimateOptions& options, const Rates& rates) {
   MotionFileOptions result;
   result.map = options.map;
@@ -117,7 +74,10 @@ MotionFileOptions motion_options(const AnimateOptions& options, const Rates& rat
   if (!options.up.empty()) result.source.up = options.up[0];
   if (options.unit > 0) result.source.metres_per_unit = options.unit;
   result.source.frames_per_second = rates.source;
-  result.frames_per_second = reading_rate(rates);
+  // The rows of the character's own motion are read as they are. A loop needs frames at the times of the result.
+  const bool rows_stay =
+      options.source_skeleton.empty() && !is_foreign_motion(options.motion) && rates.source > 0 && !options.loop;
+  result.frames_per_second = rows_stay ? rates.source : reading_rate(rates);
   return result;
 }
 
@@ -166,6 +126,12 @@ MotionFromFile driven_motion(const AnimateOptions& options, const Character& cha
 
 // ---- the images ----
 
+/// The frames of the result.
+struct ResultFrames {
+  double per_second = 25.0;
+  double row_step = 1.0;  ///< from one frame to the next, in rows of the motion's file
+};
+
 /// The cameras to choose from by name, and the capture's images of the empty studio.
 struct Studio {
   std::vector<Camera> cameras;
@@ -173,16 +139,17 @@ struct Studio {
 };
 
 /// The path of the camera. `--camera FILE` selects the only camera of the file.
-std::unique_ptr<CameraPath> camera_path(const AnimateOptions& options, const Character& character, double fps,
-                                        const Studio& studio) {
+std::unique_ptr<CameraPath> camera_path(const AnimateOptions& options, const Character& character,
+                                        const ResultFrames& frames, const Studio& studio) {
   if (options.camera == "orbit") {
     OrbitOptions orbit;
     if (options.size > 0) orbit.size = options.size;
-    orbit.frames_per_second = fps;
+    orbit.frames_per_second = frames.per_second;
     orbit.turns_per_second = options.turns_per_second;
     return make_orbit(character, orbit);
   }
-  if (!studio.cameras.empty()) return make_calibrated_path(studio.cameras, options.camera, options.size);
+  if (!studio.cameras.empty())
+    return make_calibrated_path(studio.cameras, options.camera, options.size, frames.row_step);
   if (!fs::exists(options.camera))
     fail<UsageError>(
         "--camera {}: neither `orbit` nor a calibration file that exists; for a camera by its name, say whose: "
@@ -195,7 +162,7 @@ std::unique_ptr<CameraPath> camera_path(const AnimateOptions& options, const Cha
     if (camera.name.substr(0, camera.name.find('@')) != name)
       fail<UsageError>("{} holds several cameras; choose one: --calibration {} --camera NAME", options.camera,
                        options.camera);
-  return make_calibrated_path(cameras, name, options.size);
+  return make_calibrated_path(cameras, name, options.size, frames.row_step);
 }
 
 Studio read_studio(const AnimateOptions& options) {
@@ -230,9 +197,9 @@ Backdrop backdrop(const AnimateOptions& options, const Studio& studio) {
   return result;
 }
 
-FilmOptions film_options(const AnimateOptions& options, double fps, const Studio& studio) {
+FilmOptions film_options(const AnimateOptions& options, const ResultFrames& frames, const Studio& studio) {
   FilmOptions film;
-  film.frames_per_second = fps;
+  film.frames_per_second = frames.per_second;
   film.video = options.wants("mp4");
   film.images = options.wants("png");
   film.supersampling = options.samples;
@@ -241,7 +208,7 @@ FilmOptions film_options(const AnimateOptions& options, double fps, const Studio
   film.backdrop = backdrop(options, studio);
   if (!options.beside.empty()) {
     const std::shared_ptr<FrameReader> footage = open_frames(options.beside, PixelFormat::colour);
-    film.beside = [footage](int frame) { return footage->read(frame); };
+    film.beside = [footage, step = frames.row_step](int frame) { return footage->read(std::lround(frame * step)); };
   }
   return film;
 }
@@ -429,10 +396,10 @@ struct FileReports {
 };
 
 std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& options, const Character& character,
-                                                          const Performer& performer, double fps, FileReports& reports,
-                                                          Profile& profile) {
+                                                          const Performer& performer, const ResultFrames& frames,
+                                                          FileReports& reports, Profile& profile) {
   std::vector<std::unique_ptr<SequenceWriter>> writers;
-  const FigureOptions files = figure_options(options, fps);
+  const FigureOptions files = figure_options(options, frames.per_second);
   if (files.glb || files.usda || files.pc2 || files.mdd)
     writers.push_back(make_figure_writer(options.out, character, files, reports.figure));
   if (options.wants("npy")) writers.push_back(make_npy_writer(options.out, character.num_vertices()));
@@ -444,7 +411,7 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
           "--format texture needs an actor with a dynamic texture: --run RUN with a trained TexNet, or --model FILE of "
           "such a run, exported without --geometry-only");
     writers.push_back(
-        make_texture_writer(options.out, texture, camera_path(options, character, fps, read_studio(options))));
+        make_texture_writer(options.out, texture, camera_path(options, character, frames, read_studio(options))));
   }
   if (options.wants("ply") || options.wants("splat-glb")) {
     const SplatFunction splats = performer.splats();
@@ -453,18 +420,19 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
           "--format ply and splat-glb need an actor with Gaussians: --run RUN of `doppel train "
           "configs/small/gaussians.yaml --set capture=PREPARED --set ddc=CHAIN --out RUN`, or --model FILE of such a "
           "run");
-    writers.push_back(make_splat_writer(options.out, splats, camera_path(options, character, fps, read_studio(options)),
+    writers.push_back(make_splat_writer(options.out, splats,
+                                        camera_path(options, character, frames, read_studio(options)),
                                         {options.wants("ply"), options.wants("splat-glb")}));
   }
-  if (options.wants("splat-rig")) writers.push_back(rig_writer(options, performer, fps, reports.rig));
+  if (options.wants("splat-rig")) writers.push_back(rig_writer(options, performer, frames.per_second, reports.rig));
   if (options.wants("mp4") || options.wants("png")) {
     const Studio studio = read_studio(options);
-    FilmOptions film = film_options(options, fps, studio);
+    FilmOptions film = film_options(options, frames, studio);
     film.texture = performer.texture();
     film.profile = &profile;
     film.field = performer.field(options.renderer);
     film.field_name = options.renderer;
-    writers.push_back(make_film_writer(options.out, character, camera_path(options, character, fps, studio), film));
+    writers.push_back(make_film_writer(options.out, character, camera_path(options, character, frames, studio), film));
   }
   return writers;
 }
@@ -490,14 +458,9 @@ void write_motions(const AnimateOptions& options, const Character& character, co
   write_bvh(folder / "driven.bvh", clip);
 }
 
-/// @param motion, result frames per second of the motion that was read and of the animation
-FrameSteps frame_steps(const Rates& rates, double motion, double result) {
-  return {motion / result, rates.training > 0 ? motion / rates.training : 1.0};
-}
-
-/// Half a second, but at most a quarter of the motion.
-int blended_frames(const Motion& motion, double fps) {
-  return std::max(1, std::min(static_cast<int>(std::lround(0.5 * fps)), motion.num_frames() / 4));
+Motion looped(const MotionFromFile& read, const Skeleton& skeleton, const FrameSteps& steps) {
+  const int stride = static_cast<int>(std::lround(steps.frame));
+  return loop_motion(read.motion, skeleton, blended_frames(read.motion.num_frames(), read.frames_per_second, stride));
 }
 
 nlohmann::json figure_json(const FigureReport& figure) {
@@ -518,13 +481,19 @@ nlohmann::json rig_json(const SplatRigReport& rig) {
   return json;
 }
 
+std::string targets_text(const FigureReport& figure) {
+  if (figure.morphs == 1) return "1 morph target";
+  return fmt::format("{} morph targets, of which at most {} {} at once", figure.morphs, figure.morphs_at_once,
+                     figure.morphs_at_once == 1 ? "moves" : "move");
+}
+
 /// @param chosen --morphs, or nothing
 void warn_of_targets(const FigureReport& figure, std::optional<int> chosen) {
   if (!figure.morphs_exhausted) return;
   log::warn(
-      "the file has {} morph targets, of which at most {} move at once, and more than 256 are not written: vertices "
-      "are off by {:.2f} mm on average and {:.1f} mm at most; {}a shorter clip has a nearer surface",
-      figure.morphs, figure.morphs_at_once, figure.mean_error_mm, figure.worst_error_mm,
+      "the file has {}, and more than 256 are not written: vertices are off by {:.2f} mm on average and {:.1f} mm at "
+      "most; {}a shorter clip has a nearer surface",
+      targets_text(figure), figure.mean_error_mm, figure.worst_error_mm,
       chosen && *chosen < 256 ? "a larger --morphs, or none, or " : "");
 }
 
@@ -533,10 +502,8 @@ std::string files_text(const AnimateOptions& options, const FileReports& reports
   std::string text;
   const FigureReport &figure = reports.figure, &rig = reports.rig.figure;
   if (options.wants("glb"))
-    text += fmt::format(
-        "animation.glb: {} bones, {} morph targets of which at most {} move at once; vertices off by {:.2f} mm on "
-        "average, {:.1f} mm at most\n",
-        figure.nodes, figure.morphs, figure.morphs_at_once, figure.mean_error_mm, figure.worst_error_mm);
+    text += fmt::format("animation.glb: {} bones, {}; vertices off by {:.2f} mm on average, {:.1f} mm at most\n",
+                        figure.nodes, targets_text(figure), figure.mean_error_mm, figure.worst_error_mm);
   if (options.wants("splat-rig"))
     text +=
         fmt::format("splats_rig.glb: {} bones, {} Gaussians; centres off by {:.2f} mm on average, {:.1f} mm at most\n",
@@ -548,18 +515,17 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
   const Performer performer = make_performer(options);
   const Character& character = performer.character;
   nlohmann::json report;
-  const Rates rates = rates_of(options, performer.frames_per_second());
+  const Rates rates = rates_of(options.motion, {options.source_fps, options.fps, performer.frames_per_second()});
   const MotionFromFile read = driven_motion(options, character, rates, report);
   const double fps = rates.result > 0 ? rates.result : read.frames_per_second;
   const FrameSteps steps = frame_steps(rates, read.frames_per_second, fps);
-  const Motion motion =
-      options.loop ? loop_motion(read.motion, character.skeleton, blended_frames(read.motion, read.frames_per_second))
-                   : read.motion;
+  const ResultFrames frames{fps, is_foreign_motion(options.motion) ? 1.0 : row_step(rates, fps)};
+  const Motion motion = options.loop ? looped(read, character.skeleton, steps) : read.motion;
   const Motion written = resample(motion, character.skeleton, steps.frame);
   const FolderLock lock(options.out);
   FileReports reports;
   Profile profile;
-  const auto writers = make_writers(options, character, performer, fps, reports, profile);
+  const auto writers = make_writers(options, character, performer, frames, reports, profile);
   write_motions(options, character, written, fps);
   const auto start = std::chrono::steady_clock::now();
   perform(options, performer, motion, steps, writers, profile);

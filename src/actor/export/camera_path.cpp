@@ -53,10 +53,10 @@ class Orbit : public CameraPath {
 
 class CalibratedPath : public CameraPath {
  public:
-  CalibratedPath(std::vector<PinholeCamera> cameras, std::string name)
-      : cameras_(std::move(cameras)), name_("camera_" + std::move(name)) {}
+  CalibratedPath(std::vector<PinholeCamera> cameras, std::string name, double step)
+      : cameras_(std::move(cameras)), name_("camera_" + std::move(name)), step_(step) {}
   PinholeCamera at(int frame, std::span<const float>) override {
-    return cameras_[std::min(as_size(frame), cameras_.size() - 1)];
+    return cameras_[std::min(as_size(std::lround(frame * step_)), cameras_.size() - 1)];
   }
   std::string name() const override { return name_; }
   int width() const override { return cameras_.front().width; }
@@ -65,6 +65,7 @@ class CalibratedPath : public CameraPath {
  private:
   std::vector<PinholeCamera> cameras_;
   std::string name_;
+  double step_;
 };
 
 int even(double pixels) { return std::max(2, 2 * static_cast<int>(std::lround(pixels / 2))); }
@@ -80,8 +81,8 @@ std::unique_ptr<CameraPath> make_orbit(const Character& character, const OrbitOp
   return std::make_unique<Orbit>(character, options);
 }
 
-std::unique_ptr<CameraPath> make_calibrated_path(const std::vector<Camera>& cameras, const std::string& name,
-                                                 int size) {
+std::unique_ptr<CameraPath> make_calibrated_path(const std::vector<Camera>& cameras, const std::string& name, int size,
+                                                 double step) {
   std::vector<PinholeCamera> chosen;
   std::vector<std::string> names;
   for (const Camera& camera : cameras) {
@@ -95,7 +96,7 @@ std::unique_ptr<CameraPath> make_calibrated_path(const std::vector<Camera>& came
   if (chosen.empty())
     fail<UsageError>("there is no camera '{}'; the cameras are {}{}", name, fmt::join(names, ", "),
                      nearest_word_hint(name, names));
-  return std::make_unique<CalibratedPath>(std::move(chosen), name);
+  return std::make_unique<CalibratedPath>(std::move(chosen), name, step);
 }
 
 }  // namespace doppel

@@ -35,7 +35,9 @@ std::unique_ptr<CameraPath> make_orbit(const Character& character, const OrbitOp
 /// A camera of a calibration, or the frames of a moving camera (`NAME@0`, `NAME@1`, ...; the last one is repeated).
 /// @param size the longer side of the image in pixels; 0: as calibrated. Sides are rounded to even numbers, as video
 /// encoders require.
+/// @param step frames of a moving camera from one frame of the film to the next; the nearest one is taken
 /// @throws UsageError listing the cameras when `name` is not one of them
-std::unique_ptr<CameraPath> make_calibrated_path(const std::vector<Camera>& cameras, const std::string& name, int size);
+std::unique_ptr<CameraPath> make_calibrated_path(const std::vector<Camera>& cameras, const std::string& name, int size,
+                                                 double step = 1.0);
 
 }  // namespace doppel

@@ -76,6 +76,12 @@ std::string hips_by_tree(const Figure& figure, const std::map<std::string, std::
   return common < 0 || renamed.count(figure.nodes[common].name) > 0 ? "" : figure.nodes[common].name;
 }
 
+/// `LeftHandIndex1` for `mixamorig:LeftHandIndex1`.
+std::string without_prefix(const std::string& name) {
+  const std::size_t colon = name.rfind(':');
+  return colon == std::string::npos ? name : name.substr(colon + 1);
+}
+
 void rename_nodes(Figure& figure, BoneNames names) {
   const bool vrm = names == BoneNames::vrm;
   const std::string prefix = vrm ? "" : "mixamorig:";
@@ -99,9 +105,11 @@ void rename_nodes(Figure& figure, BoneNames names) {
   const std::vector<int> spine = spine_of(figure, hips, neck);
   for (std::size_t i = 0; i < std::min(spine.size(), spine_words.size()); ++i)
     renamed.emplace(figure.nodes[spine[i]].name, spine_words[i]);
+  std::set<std::string> fingers;  // of two with one name after the prefix, the first
   for (const FigureNode& node : figure.nodes)
-    if (const auto finger = vrm_fingers().find(node.name); finger != vrm_fingers().end())
-      renamed.emplace(node.name, vrm ? finger->second : node.name);
+    if (const auto finger = vrm_fingers().find(without_prefix(node.name));
+        finger != vrm_fingers().end() && fingers.insert(finger->first).second)
+      renamed.emplace(node.name, vrm ? finger->second : finger->first);
   for (FigureNode& node : figure.nodes)
     if (const auto found = renamed.find(node.name); found != renamed.end()) node.name = prefix + found->second;
 }

@@ -27,7 +27,7 @@ std::vector<Eigen::Vector3d> fitted_rest_vertices(const Figure& figure, const Sk
 struct MorphTargets {
   std::vector<Eigen::MatrixX3f> targets;  ///< [K] of [N, 3], metres
   Eigen::MatrixXd weights;                ///< [T, K], 0 to 1
-  int at_once = 0;                        ///< largest number of targets with a weight in a frame
+  int at_once = 0;                        ///< largest number of targets that a frame may use
   bool exhausted = false;                 ///< vertices are more than 5 mm off, because more targets are not allowed
 
   int count() const { return static_cast<int>(targets.size()); }
@@ -39,8 +39,8 @@ struct MorphTargets {
 /// its own; up to 256 targets are made in all. The components are those of at most 512 frames of a group, spread
 /// evenly.
 /// @param count largest number of targets with a weight in any frame; fewer are made where fewer components are there.
-/// Nothing: 8, or where 256 targets do not suffice with these the first of 16, 32, ... 256 with which they do, or with
-/// which the surface is nearest.
+/// Nothing: 8. If 256 targets do not suffice then, 16, 32, ... 256 are tried. The first number that suffices is taken,
+/// else the one with the nearest surface.
 MorphTargets fit_morphs(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip,
                         std::optional<int> count);
 

@@ -251,12 +251,14 @@ Eigen::MatrixX3f rows_of(const Eigen::VectorXf& values) {
 
 /// Adds the targets of a group. Their weights are 0 to 1, because programs clamp others: the smallest weight of each
 /// component goes into the mean, which becomes a target with weight 1.
+/// @param count largest number of targets
 void add_targets(const GroupFit& fit, const std::vector<int>& frames, int count, MorphTargets& morphs) {
   const Basis basis = fit.basis_of(frames, count);
   const Eigen::Index before = morphs.weights.cols(), added = basis.components.cols() + 1;
   Eigen::MatrixXf weights(added - 1, static_cast<Eigen::Index>(frames.size()));
   for (std::size_t i = 0; i < frames.size(); ++i)
     weights.col(static_cast<Eigen::Index>(i)) = fit.frame_weights(frames[i], basis);
+  morphs.at_once = std::max(morphs.at_once, static_cast<int>(added));
   morphs.weights.conservativeResize(Eigen::NoChange, before + added);
   morphs.weights.rightCols(added).setZero();
   Eigen::VectorXf constant = basis.mean;
@@ -293,14 +295,15 @@ MorphTargets fit_morphs(const Figure& figure, const Skeleton& skeleton, const Fi
   std::iota(frames.begin(), frames.end(), 0);
   Group all = fit.fit(std::move(frames), counts);
   Division best;
+  int at_once = 0;
   for (std::size_t c = 0; c < counts.size() && (c == 0 || best.exhausted); ++c) {
     Division division = divide(fit, all, counts, c);
     if (c > 0 && division.exhausted && division.worst >= best.worst) continue;
     best = std::move(division);
-    morphs.at_once = counts[c];
+    at_once = counts[c];
   }
   morphs.exhausted = best.exhausted;
-  for (const Group* group : best.groups) add_targets(fit, group->frames, morphs.at_once, morphs);
+  for (const Group* group : best.groups) add_targets(fit, group->frames, at_once, morphs);
   return morphs;
 }
 

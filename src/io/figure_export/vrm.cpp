@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "doppel/core/error.h"
 
@@ -17,8 +18,12 @@ const std::vector<std::string> kOptional{"chest",         "upperChest", "neck", 
                                          "rightShoulder", "leftToes",   "rightToes"};
 
 bool is_finger(const std::string& name) {
-  const auto& fingers = vrm_fingers();
-  return std::any_of(fingers.begin(), fingers.end(), [&](const auto& names) { return names.second == name; });
+  static const std::set<std::string> kFingers = [] {
+    std::set<std::string> names;
+    for (const auto& [mixamo, vrm] : vrm_fingers()) names.insert(vrm);
+    return names;
+  }();
+  return kFingers.count(name) > 0;
 }
 
 std::vector<std::string> missing_bones(const std::map<std::string, int>& bones) {

@@ -157,6 +157,9 @@ TEST(FilmReference, AMovingCameraMovesAndThenStays) {
   EXPECT_LT((path->at(1, {}).centre() - b.centre()).norm(), 1e-9);
   EXPECT_LT((path->at(9, {}).centre() - b.centre()).norm(), 1e-9);
   EXPECT_NEAR(path->at(0, {}).K(0, 0), 2 * a.K(0, 0), 1e-9);
+  const auto slow = make_calibrated_path({a, b}, "crane", 160, 0.25);
+  EXPECT_LT((slow->at(1, {}).centre() - a.centre()).norm(), 1e-9);
+  EXPECT_LT((slow->at(3, {}).centre() - b.centre()).norm(), 1e-9);
 }
 
 TEST(FilmReference, AVideoIsWholeOrNotThere) {
