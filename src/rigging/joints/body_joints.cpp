@@ -120,14 +120,14 @@ void examine_lengths(const BodyJoints& joints, double trunk, std::vector<std::st
 void examine_sides(const BodyJoints& joints, std::vector<std::string>& faults) {
   const BodyFrame low = pelvis_frame(joints), high = chest_frame(joints);
   if (low.left.dot(high.left) < 0)
-    faults.push_back("the shoulders face against the hips: left and right are swapped in one of the two");
+    faults.emplace_back("the shoulders face against the hips: left and right are swapped in one of the two");
   int backward = 0, known = 0;
   for (const std::string side : {"left_", "right_"}) {
     if (!joints.has(side + "toe")) continue;
     ++known;
     if ((joints.at(side + "toe") - joints.at(side + "ankle")).dot(low.forward) < 0) ++backward;
   }
-  if (known == 2 && backward == 2) faults.push_back("both feet point backwards: left and right are swapped");
+  if (known == 2 && backward == 2) faults.emplace_back("both feet point backwards: left and right are swapped");
   for (const auto& [near, far] :
        {std::pair{"shoulder", "elbow"}, std::pair{"hip", "knee"}, std::pair{"knee", "ankle"}}) {
     const std::string a = std::string("left_") + near, b = std::string("left_") + far, c = other_side(a),
@@ -237,7 +237,7 @@ std::vector<std::string> examine_joints(const BodyJoints& joints) {
     examine_sides(joints, faults);
     examine_order(joints, faults);
   } catch (const Error& error) {
-    faults.push_back(error.what());
+    faults.emplace_back(error.what());
   }
   return faults;
 }

@@ -96,7 +96,7 @@ Vector3d thumb_direction(const MarkerBuilder& b, const Side& side, const Vector3
     const Vector3d away = p - wrist;
     const double t = away.dot(along);
     if (t < 0.25 * length || t > 0.6 * length || (away - t * along).norm() > 0.4 * length) continue;
-    across.push_back(away - t * along);
+    across.emplace_back(away - t * along);
     sum += across.back();
   }
   if (across.size() < 12) return ahead;
