@@ -1,11 +1,9 @@
 #pragma once
 
-#include <array>
 #include <opencv2/core.hpp>
-#include <optional>
 #include <vector>
 
-#include "doppel/character/character.h"
+#include "doppel/character/skeleton.h"
 #include "doppel/data/dataset/dataset.h"
 
 namespace doppel {
@@ -17,7 +15,7 @@ class HandBoxes {
   explicit HandBoxes(const Dataset& dataset);
 
   /// Whether the character has the markers.
-  bool known() const { return knuckles_[0] && knuckles_[1]; }
+  bool known() const { return knuckles_.size() == 2; }
   /// The squares of both hands, cut off at the border of the image. A hand that is behind the camera, or whose square
   /// lies outside of the image, is left out. None where the pose of the frame is unknown.
   /// @param camera index of the dataset @pre known
@@ -25,8 +23,8 @@ class HandBoxes {
 
  private:
   const Dataset& dataset_;
-  Character character_;
-  std::array<std::optional<Marker>, 2> knuckles_;  ///< left and right
+  Skeleton skeleton_;
+  std::vector<Marker> knuckles_;  ///< of both hands, as far as the character has them
 };
 
 }  // namespace doppel

@@ -192,15 +192,26 @@ LimbAngles leg_angles(const Vector3d& upper, const Vector3d& lower, const Vector
   return a;
 }
 
+/// The axes about which the fingers of a hand turn towards the thumb, and bend to the palm.
+Vector3d spread_axis(const std::string& side) { return (side == "left_" ? -1.0 : 1.0) * Vector3d::UnitY(); }
+Vector3d bend_axis(const std::string& side) { return (side == "left_" ? -1.0 : 1.0) * Vector3d::UnitZ(); }
+
+/// The first joint of a finger: it turns towards the thumb and to the palm. @param spread, bend limits
+int add_knuckle(RestSkeleton& b, int hand, const BodyJoints& joints, const std::string& side, const Finger& finger,
+                const std::array<double, 2>& spread, const std::array<double, 2>& bend) {
+  const Vector3d& knuckle = joints.at(finger_point(side, finger, 1));
+  const std::string bone = finger_bone(side, finger, 1);
+  const int j = b.turning(bone + "_ry", hand, knuckle, spread_axis(side), 0, spread[0], spread[1]);
+  return b.turning(bone + "_rz", j, knuckle, bend_axis(side), 0, bend[0], bend[1]);
+}
+
 /// A finger that spreads and bends at its knuckle; its two last joints bend together, as their tendon couples them.
 void add_finger(RestSkeleton& b, int hand, const BodyJoints& joints, const std::string& side, const Finger& finger) {
   constexpr double kLastJoint = 0.67;  // its share of the bend of the joint before
-  const double s = side == "left_" ? 1 : -1;
-  const Vector3d ahead = -s * Vector3d::UnitY(), palmwards = -s * Vector3d::UnitZ();
+  const Vector3d palmwards = bend_axis(side);
   const auto bone = [&](int k) { return finger_bone(side, finger, k); };
   const auto point = [&](int k) { return joints.at(finger_point(side, finger, k)); };
-  int j = b.turning(bone(1) + "_ry", hand, point(1), ahead, 0, -0.35, 0.35);
-  j = b.turning(bone(1) + "_rz", j, point(1), palmwards, 0, -0.5, 1.6);
+  const int j = add_knuckle(b, hand, joints, side, finger, {-0.35, 0.35}, {-0.5, 1.6});
   const int middle = b.sharing(bone(2) + "_rz", j, point(2), palmwards, 0);
   const int last = b.sharing(bone(3) + "_rz", middle, point(3), palmwards, 0);
   b.dof(bone(2) + "_rz", {{middle, 1.0}, {last, kLastJoint}}, 0, -0.1, 1.9);
@@ -210,12 +221,9 @@ void add_finger(RestSkeleton& b, int hand, const BodyJoints& joints, const std::
 /// A thumb: it moves away from the palm in two directions at the wrist, and its two other joints bend across the palm.
 void add_thumb(RestSkeleton& b, int hand, const BodyJoints& joints, const std::string& side) {
   const Finger& thumb = kFingers[0];
-  const double s = side == "left_" ? 1 : -1;
-  const Vector3d ahead = -s * Vector3d::UnitY(), palmwards = -s * Vector3d::UnitZ();
   const auto bone = [&](int k) { return finger_bone(side, thumb, k); };
   const auto point = [&](int k) { return joints.at(finger_point(side, thumb, k)); };
-  int j = b.turning(bone(1) + "_ry", hand, point(1), ahead, 0, -0.6, 0.5);
-  j = b.turning(bone(1) + "_rz", j, point(1), palmwards, 0, -0.5, 0.9);
+  int j = add_knuckle(b, hand, joints, side, thumb, {-0.6, 0.5}, {-0.5, 0.9});
   // The tip moves towards the little finger and the palm alike.
   const Vector3d along = b.rotation(j).transpose() * (point(4) - point(2)).normalized();
   const Vector3d across = along.cross(Vector3d(0, -1, -1)).normalized();
