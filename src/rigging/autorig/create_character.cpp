@@ -8,6 +8,7 @@
 #include "doppel/core/log.h"
 #include "doppel/rigging/autorig/find_joints.h"
 #include "doppel/rigging/autorig/pose_sheet.h"
+#include "doppel/rigging/joints/find_fingers.h"
 #include "doppel/rigging/joints/move_inside.h"
 #include "doppel/rigging/make_character.h"
 #include "doppel/rigging/scan/atlas.h"
@@ -105,6 +106,7 @@ CreatedCharacter create_character(const std::string& name, const ScanParts& scan
   voxels.cell = options.cell;
   const SolidGrid solid = solid_grid(VoxelSolid(mesh, voxels));
   if (!options.joints) move_inside(joints, solid);
+  append(result.notes, find_fingers(mesh, joints));
   append(result.notes, touching_arms(joints, solid));
   result.joints.joints = joints;
 

@@ -58,6 +58,10 @@ void complete_trunk(BodyJoints& joints) {
 }
 
 void complete_hand(BodyJoints& joints, const std::string& side) {
+  if (has_fingers(joints, side)) {
+    add_missing(joints, side + "hand", joints.at(finger_point(side, kFingers[2], 1)));
+    add_missing(joints, side + "fingertip", joints.at(finger_point(side, kFingers[2], kFingerPoints)));
+  }
   const Vector3d forearm = joints.at(side + "wrist") - joints.at(side + "elbow");
   const double length = forearm.norm();
   const bool has_hand = joints.has(side + "hand");

@@ -232,6 +232,20 @@ void add_thumb(RestSkeleton& b, int hand, const BodyJoints& joints, const std::s
   b.fixed(bone(3) + "EE", j, point(4));
 }
 
+/// How far the forearm of a hand with fingers is rolled in the scan. In the zero pose the palm faces down, and the
+/// knuckles lie in a row from behind (little finger) to the front. Small angles may be errors of the knuckles.
+/// @param hand_from_world rotation of the arm's frame before the roll @param forearm unit, in this frame
+double forearm_roll(const Matrix3d& hand_from_world, const Vector3d& forearm, const BodyJoints& joints,
+                    const std::string& side) {
+  const auto across = [&](const Vector3d& v) { return Vector3d(v - v.dot(forearm) * forearm); };
+  const Vector3d knuckles = across(hand_from_world * (joints.at(finger_point(side, kFingers.at(1), 1)) -
+                                                      joints.at(finger_point(side, kFingers.back(), 1)))),
+                 level = across(Vector3d::UnitZ());
+  const Vector3d axis = (side == "left_" ? -1.0 : 1.0) * forearm;
+  const double angle = std::atan2(level.cross(knuckles).dot(axis), level.dot(knuckles));
+  return smooth_share(0.1, 0.3, std::abs(angle)) * angle;
+}
+
 void add_arm(RestSkeleton& b, int chest, const BodyJoints& joints, bool left) {
   const std::string bone = left ? "Left" : "Right", side = left ? "left_" : "right_";
   const double s = left ? 1 : -1;
@@ -249,7 +263,8 @@ void add_arm(RestSkeleton& b, int chest, const BodyJoints& joints, bool left) {
   j = b.turning(bone + "Arm_rx", j, shoulder, outward, a.twist, -1.6, 1.8);
   j = b.turning(bone + "ForeArm_ry", j, elbow, ahead, a.bend, -0.1, 2.6);
   const Vector3d forearm = b.rotation(j).transpose() * (wrist - elbow).normalized();
-  j = b.turning(bone + "ForeArmRoll_rx", j, 0.5 * (elbow + wrist), -s * forearm, 0, -1.5, 1.6);
+  const double roll = has_fingers(joints, side) ? forearm_roll(b.rotation(j).transpose(), forearm, joints, side) : 0.0;
+  j = b.turning(bone + "ForeArmRoll_rx", j, 0.5 * (elbow + wrist), -s * forearm, roll, -1.5, 1.6);
   j = b.turning(bone + "Hand_rz", j, wrist, up, 0, -1.3, 1.2);
   j = b.turning(bone + "Hand_ry", j, wrist, ahead, 0, -0.6, 0.5);
   b.fixed(bone + "HandEE", j, at("fingertip"));

@@ -55,7 +55,9 @@ void check_name(const FileLocation& file, const std::string& written, const std:
   if (std::find(known.begin(), known.end(), name) != known.end()) return;
   std::string list;
   for (const std::string& word : body_joint_names()) list += (list.empty() ? "" : ", ") + word;
-  fail_at(file, "'{}' is not the name of a joint; known are {}{}", written, list, nearest_word_hint(name, known));
+  fail_at(file, "'{}' is not the name of a joint; known are {}, and the points of fingers, {} to {}{}", written, list,
+          finger_point("left_", kFingers.front(), 1), finger_point("right_", kFingers.back(), kFingerPoints),
+          nearest_word_hint(name, known));
 }
 
 Json parse(const std::filesystem::path& path) {
@@ -105,7 +107,11 @@ void write_joints(const std::filesystem::path& path, const JointsFile& file) {
     json["file_from_character"].push_back(line);
   }
   json["joints"] = Json::object();
-  for (const std::string& name : body_joint_names()) {
+  std::vector<std::string> names = body_joint_names();
+  for (const char* side : {"left_", "right_"})
+    for (const Finger& finger : kFingers)
+      for (int k = 1; k <= kFingerPoints; ++k) names.push_back(finger_point(side, finger, k));
+  for (const std::string& name : names) {
     if (!file.joints.has(name)) continue;
     const Eigen::Vector3d p = file.file_from_character * file.joints.at(name);
     json["joints"][name] = {p.x(), p.y(), p.z()};

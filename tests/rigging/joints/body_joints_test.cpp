@@ -96,6 +96,17 @@ TEST_F(JointsFiles, AreWrittenInTheUnitOfTheScan) {
     EXPECT_LT((read.joints.at(name) - position).norm(), 1e-6) << name;
 }
 
+TEST_F(JointsFiles, HoldFingers) {
+  JointsFile file;
+  file.joints = support::plain_body();
+  for (const char* side : {"left_", "right_"})
+    for (const Finger& finger : kFingers)
+      for (int k = 1; k <= kFingerPoints; ++k)
+        file.joints.positions[finger_point(side, finger, k)] = {0.1 * k, side[0] == 'l' ? 1.0 : 2.0, 0.3};
+  write_joints(path_, file);
+  EXPECT_EQ(read_joints(path_).joints.positions, file.joints.positions);
+}
+
 TEST_F(JointsFiles, UnderstandShortNamesNullAndTheScansOwnMatrix) {
   support::write_bytes(path_, R"({"joints": {"l_knee": [100, 200, 300], "r_toe": null}})");
   const JointsFile read = read_joints(path_, Eigen::Affine3d(Eigen::Scaling(1000.0)));
