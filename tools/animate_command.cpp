@@ -358,9 +358,7 @@ std::string speed_text(const nlohmann::ordered_json& speed) {
   return text;
 }
 
-BoneNames bone_names(const AnimateOptions& options) {
-  return options.names == "mixamo" ? BoneNames::mixamo : options.names == "vrm" ? BoneNames::vrm : BoneNames::skeletool;
-}
+BoneNames bone_names(const AnimateOptions& options) { return bone_names_of(options.names); }
 
 FigureOptions figure_options(const AnimateOptions& options, double fps) {
   FigureOptions figure;
@@ -514,6 +512,7 @@ std::string files_text(const AnimateOptions& options, const FileReports& reports
 int run(const AnimateOptions& options, const CommonOptions& common) {
   const Performer performer = make_performer(options);
   const Character& character = performer.character;
+  if (options.wants("bvh")) renamed_bones(character, bone_names(options));  // refuses names before the frames
   nlohmann::json report;
   const Rates rates = rates_of(options.motion, {options.source_fps, options.fps, performer.frames_per_second()});
   const MotionFromFile read = driven_motion(options, character, rates, report);
@@ -630,8 +629,11 @@ void add_image_options(CLI::App& app, AnimateOptions& options) {
 
 void add_figure_options(CLI::App& app, AnimateOptions& options) {
   app.option_defaults()->group("Figure (--format glb, usda, splat-rig, bvh)");
-  app.add_option("--names", options.names, "Names of the bones: the character's own, Mixamo's or VRM's")
-      ->check(CLI::IsMember({"skeletool", "mixamo", "vrm"}))
+  app.add_option(
+         "--names", options.names,
+         "Names of the bones: the character's own (skeletool), Mixamo's, VRM's, Unity's (HumanBodyBones) or those of "
+         "Unreal's mannequin")
+      ->check(CLI::IsMember(bone_names_words()))
       ->capture_default_str();
   CLI::Option* author =
       app.add_option("--author", options.rights.authors,

@@ -516,6 +516,11 @@ TEST_F(ProgramRecovers, TheJointsOfABvhFileHaveTheNamesThatAreAskedFor) {
   EXPECT_THAT(named, AllOf(HasSubstr("JOINT mixamorig:LeftForeArm\n"), HasSubstr("JOINT mixamorig:RightUpLeg\n")));
   EXPECT_EQ(own.find("mixamorig"), std::string::npos);
   EXPECT_EQ(own.substr(own.find("MOTION")), named.substr(named.find("MOTION")));
+  // The synthetic actor has no spine and no hands: no figure for Unity.
+  const Outcome refused = run(play + "_refused --names unity");
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("--names unity needs: Spine, "));
+  EXPECT_FALSE(std::filesystem::exists(at("named_refused/driven.bvh")));
 }
 
 TEST_F(ProgramRecovers, TheMostMorphTargetsAreNamedWhereTheyDoNotSuffice) {
