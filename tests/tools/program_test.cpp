@@ -505,6 +505,28 @@ TEST_F(ProgramRecovers, AFigureThatIsNoHumanOfVrmIsRefusedBeforeItsFrames) {
   EXPECT_FALSE(std::filesystem::exists(at("avatar/vertices.npy")));
 }
 
+TEST_F(ProgramRecovers, SeveralMotionsBecomeAnimationsOfOneFile) {
+  const std::string testing = at("capture/testing/skeletoolToGTPose/poseAngles.motion"),
+                    training = at("capture/training/skeletoolToGTPose/poseAngles.motion"),
+                    play = "animate --json --character " + character_file(at("capture/character"), ".character") +
+                           " --motion " + testing + " --motion " + training + " --out " + at("clips");
+  const Outcome done = run(play + " --format glb");
+  ASSERT_EQ(done.code, 0) << done.err;
+  const nlohmann::json report = nlohmann::json::parse(done.out);
+  ASSERT_EQ(report["clips"].size(), 2U);
+  EXPECT_EQ(report["clips"][0]["name"], "poseAngles");
+  EXPECT_EQ(report["clips"][1]["name"], "poseAngles_2");
+  EXPECT_EQ(report["clips"][1]["motion"], training);
+  EXPECT_EQ(report["frames"], report["clips"][0]["frames"].get<int>() + report["clips"][1]["frames"].get<int>());
+  EXPECT_LT(report["glb"]["worst_error_mm"].get<double>(), 8.0);
+  const std::string glb = read_file(at("clips/animation.glb"));
+  EXPECT_NE(glb.find("\"name\":\"poseAngles_2\""), std::string::npos);
+  const Outcome refused = run(play + "_refused --format glb,npy");
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("--format npy: its files hold one motion, and there are 2"));
+  EXPECT_FALSE(std::filesystem::exists(at("clips_refused")));
+}
+
 TEST_F(ProgramRecovers, TheJointsOfABvhFileHaveTheNamesThatAreAskedFor) {
   const std::string play = "animate --character " + character_file(at("capture/character"), ".character") +
                            " --format bvh --motion " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") +

@@ -1,6 +1,7 @@
 #include "doppel/actor/export/animation.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "doppel/character/resample_motion.h"
@@ -76,6 +77,29 @@ class Windows {
   FrameSteps steps_;
 };
 
+/// Poses the frames of one motion and passes them to the writers.
+void pose_frames(const Character& character, const Windows& window, const ActorFunction& geometry,
+                 const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile& profile, Progress& progress) {
+  const int frames = window.count();
+  for (int first = 0; first < frames; first += kFramesAtOnce) {
+    if (stop_requested()) fail("animating {}: stopped at frame {} of {}", character.name, first, frames);
+    const int last = std::min(first + kFramesAtOnce, frames);
+    std::vector<torch::Tensor> windows;
+    for (int f = first; f < last; ++f) windows.push_back(window.at(f));
+    torch::Tensor vertices;
+    {
+      const ProfileScope scope(profile, "geometry");
+      vertices = geometry(torch::stack(windows)).contiguous();
+    }
+    if (!torch::isfinite(vertices).all().item<bool>())
+      fail("animating {}: frame {} or one of the next {} has positions that are not finite", character.name, first,
+           last - first - 1);
+    for (int f = first; f < last; ++f)
+      for (const auto& writer : writers) writer->write({frame_of(vertices, f - first), windows[f - first]});
+    progress.advance(last - first);
+  }
+}
+
 }  // namespace
 
 torch::Tensor tensor_of(const PosedFrame& frame) {
@@ -91,45 +115,44 @@ torch::Tensor motion_window(const Motion& motion, int frame, int past_frames) {
   return rows;
 }
 
-void animate(const Character& character, const Motion& motion, const ActorFile* actor,
-             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile, const FrameSteps& steps) {
+void animate(const Character& character, std::span<const MotionPart> parts, const ActorFile* actor,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile) {
   if (actor) {
-    check_belongs_together(character, motion, *actor);
+    for (const MotionPart& part : parts) check_belongs_together(character, part.motion, *actor);
     const auto geometry = [actor](const torch::Tensor& dofs) { return actor->forward(dofs); };
-    return animate(character, motion, actor->description().past_frames, geometry, writers, profile, steps);
+    return animate(character, parts, actor->description().past_frames, geometry, writers, profile);
   }
   CharacterSurface surface(character);
   animate(
-      character, motion, 0, [&](const torch::Tensor& dofs) { return surface->skinned(dofs.select(1, 0)); }, writers,
-      profile, steps);
+      character, parts, 0, [&](const torch::Tensor& dofs) { return surface->skinned(dofs.select(1, 0)); }, writers,
+      profile);
+}
+
+void animate(const Character& character, const Motion& motion, const ActorFile* actor,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile, const FrameSteps& steps) {
+  animate(character, std::array{MotionPart{motion, steps}}, actor, writers, profile);
+}
+
+void animate(const Character& character, std::span<const MotionPart> parts, int past_frames,
+             const ActorFunction& geometry, const std::vector<std::unique_ptr<SequenceWriter>>& writers,
+             Profile* profile) {
+  Profile unused;
+  torch::NoGradGuard no_grad;
+  std::vector<Windows> windows;
+  int frames = 0;
+  for (const MotionPart& part : parts) {
+    check_belongs_together(character, part.motion);
+    frames += windows.emplace_back(character, part.motion, past_frames, part.steps).count();
+  }
+  Progress progress("animate", frames);
+  for (const Windows& window : windows)
+    pose_frames(character, window, geometry, writers, profile ? *profile : unused, progress);
+  for (const auto& writer : writers) writer->close();
 }
 
 void animate(const Character& character, const Motion& motion, int past_frames, const ActorFunction& geometry,
              const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile, const FrameSteps& steps) {
-  check_belongs_together(character, motion);
-  Profile unused;
-  torch::NoGradGuard no_grad;
-  const Windows window(character, motion, past_frames, steps);
-  const int frames = window.count();
-  Progress progress("animate", frames);
-  for (int first = 0; first < frames; first += kFramesAtOnce) {
-    if (stop_requested()) fail("animating {}: stopped at frame {} of {}", character.name, first, frames);
-    const int last = std::min(first + kFramesAtOnce, frames);
-    std::vector<torch::Tensor> windows;
-    for (int f = first; f < last; ++f) windows.push_back(window.at(f));
-    torch::Tensor vertices;
-    {
-      const ProfileScope scope(profile ? *profile : unused, "geometry");
-      vertices = geometry(torch::stack(windows)).contiguous();
-    }
-    if (!torch::isfinite(vertices).all().item<bool>())
-      fail("animating {}: frame {} or one of the next {} has positions that are not finite", character.name, first,
-           last - first - 1);
-    for (int f = first; f < last; ++f)
-      for (const auto& writer : writers) writer->write({frame_of(vertices, f - first), windows[f - first]});
-    progress.advance(last - first);
-  }
-  for (const auto& writer : writers) writer->close();
+  animate(character, std::array{MotionPart{motion, steps}}, past_frames, geometry, writers, profile);
 }
 
 }  // namespace doppel

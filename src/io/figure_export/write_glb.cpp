@@ -66,7 +66,7 @@ class GlbWriter {
     const bool avatar = !file.rights.authors.empty();
     if (avatar) check_avatar(figure, file.name, file.rights);
     add_glb_skeleton(model_, buffer_, figure, file.name, avatar ? t_pose(figure) : figure.rest);
-    if (file.clip.num_frames() > 0) add_glb_animation(model_, buffer_, tracks, file.clip.frames_per_second, file.name);
+    for (const ClipPart& part : file.clip.animations(file.name)) add_glb_animation(model_, buffer_, tracks, part);
     if (avatar) {
       model_.extensions["VRMC_vrm"] = vrm_extension(figure, file.name, file.rights, /*first_node=*/1);
       model_.extensionsUsed.emplace_back("VRMC_vrm");
