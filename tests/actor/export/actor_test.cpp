@@ -494,8 +494,8 @@ TEST(AnimationReference, InPlaceTheGeometryIsMovedAlongTheGroundAlone) {
     for (std::size_t i = 0; i < row; ++i) {
       const std::size_t axis = i % 3;
       const auto dof = static_cast<std::size_t>(root.translation[axis]);
-      const double way = axis == 1 ? 0.0
-                                   : root.translation_weight[axis] * (motion.frames[t][dof] - motion.frames[0][dof]);
+      const double way =
+          axis == 1 ? 0.0 : root.translation_weight[axis] * (motion.frames[t][dof] - motion.frames[0][dof]);
       ASSERT_NEAR(stays[t * row + i], travels[t * row + i] - way, 1e-5) << t;
     }
 }
