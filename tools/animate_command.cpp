@@ -27,6 +27,7 @@
 #include "doppel/character/character.h"
 #include "doppel/character/loop_motion.h"
 #include "doppel/character/resample_motion.h"
+#include "doppel/character/root_motion.h"
 #include "doppel/core/angles.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
