@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
+#include <span>
 
 #include "animate_rates.h"
 #include "command.h"
@@ -26,6 +27,8 @@
 #include "doppel/character/character.h"
 #include "doppel/character/loop_motion.h"
 #include "doppel/character/resample_motion.h"
+#include "doppel/character/root_motion.h"
+#include "doppel/core/angles.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
@@ -42,7 +45,8 @@ namespace {
 namespace fs = std::filesystem;
 
 struct AnimateOptions {
-  std::string character, motion, model, run, out;
+  std::string character, model, run, out;
+  std::vector<std::string> motions;
   std::string renderer = "mesh";
   std::vector<std::string> formats{"npy"};
   std::string bone_rule = "exact";
@@ -59,13 +63,14 @@ struct AnimateOptions {
   std::optional<int> morphs;
   double tolerance_mm = 0.1;
   bool loop = false;
+  std::string root = "travel";
 
   bool wants(const char* format) const { return std::find(formats.begin(), formats.end(), format) != formats.end(); }
 };
 
 // ---- the motion ----
 
-MotionFileOptions motion_options(const AnimateOptions& options, const Rates& rates) {
+MotionFileOptions motion_options(const AnimateOptions& options, const std::string& motion, const Rates& rates) {
   MotionFileOptions result;
   result.map = options.map;
   result.source_skeleton = options.source_skeleton;
@@ -76,13 +81,14 @@ MotionFileOptions motion_options(const AnimateOptions& options, const Rates& rat
   result.source.frames_per_second = rates.source;
   // The rows of the character's own motion are read as they are. A loop needs frames at the times of the result.
   const bool rows_stay =
-      options.source_skeleton.empty() && !is_foreign_motion(options.motion) && rates.source > 0 && !options.loop;
+      options.source_skeleton.empty() && !is_foreign_motion(motion) && rates.source > 0 && !options.loop;
   result.frames_per_second = rows_stay ? rates.source : reading_rate(rates);
   return result;
 }
 
-void write_guessed_map(const AnimateOptions& options, const JointMap& map) {
-  const fs::path path = fs::path(options.out) / "joint_map.yaml";
+/// @param file name of the map
+void write_guessed_map(const AnimateOptions& options, const std::string& file, const JointMap& map) {
+  const fs::path path = fs::path(options.out) / file;
   write_atomically(path, joint_map_text(map));
   log::info("{} joints were paired, see {}; if pairs are wrong, correct the file and pass it with --map",
             map.pairs.size(), path.string());
@@ -111,26 +117,123 @@ void log_retargeting(const RetargetResult& result, int frames) {
 }
 
 /// The motion of the character: read from its file, or retargeted from another body.
-MotionFromFile driven_motion(const AnimateOptions& options, const Character& character, const Rates& rates,
-                             nlohmann::json& report) {
-  MotionFromFile read = read_motion_file(options.motion, character, motion_options(options, rates));
-  for (const std::string& note : read.notes) log::info("{}: {}", options.motion, note);
-  for (const std::string& warning : read.warnings) log::warn("{}: {}", options.motion, warning);
-  if (read.guessed_map) write_guessed_map(options, *read.guessed_map);
-  if (read.retargeting) {
-    log_retargeting(*read.retargeting, read.motion.num_frames());
-    report["retargeting"] = retargeting_json(*read.retargeting);
-  }
+/// @param name of the clip, for the map of one of several motions
+MotionFromFile driven_motion(const AnimateOptions& options, const std::string& motion, const std::string& name,
+                             const Character& character, const Rates& rates) {
+  MotionFromFile read = read_motion_file(motion, character, motion_options(options, motion, rates));
+  for (const std::string& note : read.notes) log::info("{}: {}", motion, note);
+  for (const std::string& warning : read.warnings) log::warn("{}: {}", motion, warning);
+  if (read.guessed_map)
+    write_guessed_map(options, options.motions.size() > 1 ? "joint_map_" + name + ".yaml" : "joint_map.yaml",
+                      *read.guessed_map);
+  if (read.retargeting) log_retargeting(*read.retargeting, read.motion.num_frames());
   return read;
 }
-
-// ---- the images ----
 
 /// The frames of the result.
 struct ResultFrames {
   double per_second = 25.0;
   double row_step = 1.0;  ///< from one frame to the next, in rows of the motion's file
 };
+
+/// The names of clips: those of their files, and numbers where they repeat.
+std::vector<std::string> clip_names(const std::vector<std::string>& files) {
+  std::vector<std::string> names;
+  for (const std::string& file : files) {
+    const std::string stem = fs::path(file).stem().string();
+    std::string name = stem;
+    for (int number = 2; std::find(names.begin(), names.end(), name) != names.end(); ++number)
+      name = fmt::format("{}_{}", stem, number);
+    names.push_back(name);
+  }
+  return names;
+}
+
+/// A motion of the character, as it is posed and written.
+struct Clip {
+  std::string name, file;
+  Motion motion, written;  ///< at the rate of reading, and of the result
+  FrameSteps steps;
+  ResultFrames frames;
+  std::optional<RetargetResult> retargeting;
+  std::optional<GroundStep> step;  ///< of one repetition of a loop that travels
+};
+
+/// The root of a skeleton whose way can be taken out. @throws UsageError for --root in-place and another skeleton
+std::optional<Skeleton::Root> travelling_root(const AnimateOptions& options, const Character& character) {
+  const std::optional<Skeleton::Root> root = root_that_travels(character.skeleton);
+  if (!root && options.root == "in-place")
+    fail<UsageError>("--root in-place: the root of '{}' is not three translations followed by three rotations",
+                     character.name);
+  return root;
+}
+
+/// Makes the motion of a clip cyclic. Someone who comes back ends where he began. Someone who travels goes on from
+/// where he is; with --root in-place his heading closes, because his way is taken out later and his turn is not.
+void make_loop(const AnimateOptions& options, const Character& character, double fps, Clip& clip) {
+  const Skeleton& skeleton = character.skeleton;
+  const int blend = blended_frames(clip.motion.num_frames(), fps, static_cast<int>(std::lround(clip.steps.frame)));
+  const std::optional<Skeleton::Root> root = travelling_root(options, character);
+  GroundStep step;
+  if (root) step = loop_step(clip.motion, *root, blend);
+  if (options.root == "in-place") step.turn = 0.0;
+  if (options.root == "in-place" || is_travel(step)) {
+    clip.motion = travelling_loop(clip.motion, skeleton, *root, blend, step);
+    if (options.root == "travel") clip.step = step;
+  } else {
+    clip.motion = loop_motion(clip.motion, skeleton, blend);
+  }
+  if (clip.step)
+    log::info("{}: a repetition starts {:.2f} m along x and {:.2f} m along z further, turned by {:.1f} degrees",
+              clip.file, step.way().x(), step.way().y(), step.turn / kRadiansPerDegree);
+}
+
+Clip read_clip(const AnimateOptions& options, const std::string& file, const std::string& name,
+               const Character& character, std::optional<double> training_rate) {
+  const Rates rates = rates_of(file, {options.source_fps, options.fps, training_rate});
+  MotionFromFile read = driven_motion(options, file, name, character, rates);
+  const double fps = rates.result > 0 ? rates.result : read.frames_per_second;
+  Clip clip{name, file, {}, {}, frame_steps(rates, read.frames_per_second, fps), {}, std::move(read.retargeting), {}};
+  clip.frames = {fps, is_foreign_motion(file) ? 1.0 : row_step(rates, fps)};
+  clip.motion = std::move(read.motion);
+  if (options.loop) make_loop(options, character, read.frames_per_second, clip);
+  clip.written = resample(clip.motion, character.skeleton, clip.steps.frame);
+  if (options.root == "in-place") clip.written = in_place(*travelling_root(options, character), clip.written);
+  return clip;
+}
+
+std::vector<Clip> read_clips(const AnimateOptions& options, const Character& character,
+                             std::optional<double> training_rate) {
+  const std::vector<std::string> names = clip_names(options.motions);
+  std::vector<Clip> clips;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    clips.push_back(read_clip(options, options.motions[i], names[i], character, training_rate));
+  return clips;
+}
+
+/// The animations of a file with several; none for one motion.
+std::vector<ClipPart> parts_of(const std::vector<Clip>& clips) {
+  std::vector<ClipPart> parts;
+  int first = 0;
+  for (const Clip& clip : clips) {
+    if (clips.size() > 1) parts.push_back({clip.name, first, clip.written.num_frames(), clip.frames.per_second});
+    first += clip.written.num_frames();
+  }
+  return parts;
+}
+
+/// @throws UsageError for several motions and a format that holds one
+void refuse_several_motions(const AnimateOptions& options) {
+  if (options.motions.size() < 2) return;
+  for (const std::string& format : options.formats)
+    if (format != "glb" && format != "splat-rig")
+      fail<UsageError>(
+          "--format {}: its files hold one motion, and there are {}; several motions go into one file with --format "
+          "glb and splat-rig, for others run the command once for each",
+          format, options.motions.size());
+}
+
+// ---- the images ----
 
 /// The cameras to choose from by name, and the capture's images of the empty studio.
 struct Studio {
@@ -327,18 +430,18 @@ Performer make_performer(const AnimateOptions& options) {
   return performer;
 }
 
-void perform(const AnimateOptions& options, const Performer& performer, const Motion& motion, const FrameSteps& steps,
+void perform(const AnimateOptions& options, const Performer& performer, std::span<const MotionPart> parts,
              const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile& profile) {
   TrainedActor* actor = performer.trained.get();
   if (!actor)
-    return animate(performer.character, motion, performer.file ? &*performer.file : nullptr, writers, &profile, steps);
+    return animate(performer.character, parts, performer.file ? &*performer.file : nullptr, writers, &profile);
   const bool radiance = options.renderer == "radiance";
   animate(
-      performer.character, motion, actor->past_frames(),
+      performer.character, parts, actor->past_frames(),
       [actor, radiance](const torch::Tensor& windows) {
         return radiance ? actor->refined(windows) : actor->fine(windows);
       },
-      writers, &profile, steps);
+      writers, &profile);
 }
 
 /// The rate that was reached, and the time of each part of a frame.
@@ -358,17 +461,16 @@ std::string speed_text(const nlohmann::ordered_json& speed) {
   return text;
 }
 
-BoneNames bone_names(const AnimateOptions& options) {
-  return options.names == "mixamo" ? BoneNames::mixamo : options.names == "vrm" ? BoneNames::vrm : BoneNames::skeletool;
-}
+BoneNames bone_names(const AnimateOptions& options) { return bone_names_of(options.names); }
 
-FigureOptions figure_options(const AnimateOptions& options, double fps) {
+FigureOptions figure_options(const AnimateOptions& options, double fps, const std::vector<ClipPart>& parts) {
   FigureOptions figure;
   figure.glb = options.wants("glb");
   figure.usda = options.wants("usda");
   figure.pc2 = options.wants("pc2");
   figure.mdd = options.wants("mdd");
   figure.frames_per_second = fps;
+  figure.parts = parts;
   figure.names = bone_names(options);
   if (!options.rights.authors.empty() && figure.names != BoneNames::vrm)
     fail<UsageError>("--author belongs to --names vrm");
@@ -379,14 +481,14 @@ FigureOptions figure_options(const AnimateOptions& options, double fps) {
 }
 
 std::unique_ptr<SequenceWriter> rig_writer(const AnimateOptions& options, const Performer& performer, double fps,
-                                           SplatRigReport& report) {
+                                           const std::vector<ClipPart>& parts, SplatRigReport& report) {
   if (!performer.trained || !performer.trained->gaussians)
     fail<UsageError>(
         "--format splat-rig needs the Gaussians that all poses share, which a character and a file of --model do not "
         "have; give --run RUN of `doppel train configs/small/gaussians.yaml --set capture=PREPARED --set ddc=CHAIN "
         "--out RUN`");
   return make_splat_rig_writer(options.out, *performer.trained,
-                               {fps, bone_names(options), 0.001 * options.tolerance_mm}, report);
+                               {fps, bone_names(options), 0.001 * options.tolerance_mm, parts}, report);
 }
 
 /// What the files with bones lost.
@@ -395,11 +497,14 @@ struct FileReports {
   SplatRigReport rig;
 };
 
-std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& options, const Character& character,
-                                                          const Performer& performer, const ResultFrames& frames,
-                                                          FileReports& reports, Profile& profile) {
+std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& options, const Performer& performer,
+                                                          const std::vector<Clip>& clips, FileReports& reports,
+                                                          Profile& profile) {
+  const Character& character = performer.character;
+  const ResultFrames& frames = clips[0].frames;  // of formats that take one motion
+  const std::vector<ClipPart> parts = parts_of(clips);
   std::vector<std::unique_ptr<SequenceWriter>> writers;
-  const FigureOptions files = figure_options(options, frames.per_second);
+  const FigureOptions files = figure_options(options, frames.per_second, parts);
   if (files.glb || files.usda || files.pc2 || files.mdd)
     writers.push_back(make_figure_writer(options.out, character, files, reports.figure));
   if (options.wants("npy")) writers.push_back(make_npy_writer(options.out, character.num_vertices()));
@@ -424,7 +529,8 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
                                         camera_path(options, character, frames, read_studio(options)),
                                         {options.wants("ply"), options.wants("splat-glb")}));
   }
-  if (options.wants("splat-rig")) writers.push_back(rig_writer(options, performer, frames.per_second, reports.rig));
+  if (options.wants("splat-rig"))
+    writers.push_back(rig_writer(options, performer, frames.per_second, parts, reports.rig));
   if (options.wants("mp4") || options.wants("png")) {
     const Studio studio = read_studio(options);
     FilmOptions film = film_options(options, frames, studio);
@@ -456,11 +562,6 @@ void write_motions(const AnimateOptions& options, const Character& character, co
   BvhClip clip = bvh_from_motion(character.skeleton, motion, fps, character.rest_dofs);
   rename_joints(character, bone_names(options), clip);
   write_bvh(folder / "driven.bvh", clip);
-}
-
-Motion looped(const MotionFromFile& read, const Skeleton& skeleton, const FrameSteps& steps) {
-  const int stride = static_cast<int>(std::lround(steps.frame));
-  return loop_motion(read.motion, skeleton, blended_frames(read.motion.num_frames(), read.frames_per_second, stride));
 }
 
 nlohmann::json figure_json(const FigureReport& figure) {
@@ -511,29 +612,56 @@ std::string files_text(const AnimateOptions& options, const FileReports& reports
   return text;
 }
 
+nlohmann::json clips_json(const std::vector<Clip>& clips) {
+  nlohmann::json list;
+  for (const Clip& clip : clips) {
+    nlohmann::json entry{{"name", clip.name},
+                         {"motion", clip.file},
+                         {"frames", clip.written.num_frames()},
+                         {"frames_per_second", clip.frames.per_second}};
+    if (clip.retargeting) entry["retargeting"] = retargeting_json(*clip.retargeting);
+    if (clip.step)
+      entry["loop"] = {{"way_m", {clip.step->way().x(), clip.step->way().y()}},
+                       {"turn_degrees", clip.step->turn / kRadiansPerDegree}};
+    list.push_back(entry);
+  }
+  return list;
+}
+
+/// The animations of a file with several.
+std::string clips_text(const std::vector<Clip>& clips) {
+  if (clips.size() < 2) return "";
+  std::string text = "animations:";
+  for (const Clip& clip : clips)
+    text += fmt::format("{} {} ({} frames)", &clip == &clips[0] ? "" : ",", clip.name, clip.written.num_frames());
+  return text + "\n";
+}
+
 int run(const AnimateOptions& options, const CommonOptions& common) {
+  refuse_several_motions(options);
   const Performer performer = make_performer(options);
   const Character& character = performer.character;
-  nlohmann::json report;
-  const Rates rates = rates_of(options.motion, {options.source_fps, options.fps, performer.frames_per_second()});
-  const MotionFromFile read = driven_motion(options, character, rates, report);
-  const double fps = rates.result > 0 ? rates.result : read.frames_per_second;
-  const FrameSteps steps = frame_steps(rates, read.frames_per_second, fps);
-  const ResultFrames frames{fps, is_foreign_motion(options.motion) ? 1.0 : row_step(rates, fps)};
-  const Motion motion = options.loop ? looped(read, character.skeleton, steps) : read.motion;
-  const Motion written = resample(motion, character.skeleton, steps.frame);
+  if (options.wants("bvh")) renamed_bones(character, bone_names(options));  // refuses names before the frames
+  const std::vector<Clip> clips = read_clips(options, character, performer.frames_per_second());
   const FolderLock lock(options.out);
   FileReports reports;
   Profile profile;
-  const auto writers = make_writers(options, character, performer, frames, reports, profile);
-  write_motions(options, character, written, fps);
+  const auto writers = make_writers(options, performer, clips, reports, profile);
+  write_motions(options, character, clips[0].written, clips[0].frames.per_second);
+  std::vector<MotionPart> parts;
+  int frames = 0;
+  for (const Clip& clip : clips) {
+    parts.push_back({clip.motion, clip.steps, options.root == "in-place"});
+    frames += clip.written.num_frames();
+  }
   const auto start = std::chrono::steady_clock::now();
-  perform(options, performer, motion, steps, writers, profile);
+  perform(options, performer, parts, writers, profile);
   const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-  const nlohmann::ordered_json speed = speed_json(profile, written.num_frames(), elapsed.count());
-  report["speed"] = speed;
-  report.update({{"frames", written.num_frames()},
-                 {"frames_per_second", fps},
+  const nlohmann::ordered_json speed = speed_json(profile, frames, elapsed.count());
+  nlohmann::json report{{"speed", speed}, {"clips", clips_json(clips)}};
+  if (clips.size() == 1 && clips[0].retargeting) report["retargeting"] = retargeting_json(*clips[0].retargeting);
+  report.update({{"frames", frames},
+                 {"frames_per_second", clips[0].frames.per_second},
                  {"vertices", character.num_vertices()},
                  {"formats", options.formats},
                  {"out", options.out}});
@@ -544,9 +672,9 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
     std::cout << report << "\n";
     return 0;
   }
-  std::cout << written.num_frames() << " frames of " << character.num_vertices() << " vertices written to "
-            << options.out << "; " << speed_text(speed) << "\n"
-            << files_text(options, reports);
+  std::cout << frames << " frames of " << character.num_vertices() << " vertices written to " << options.out << "; "
+            << speed_text(speed) << "\n"
+            << clips_text(clips) << files_text(options, reports);
   return 0;
 }
 
@@ -572,9 +700,11 @@ void add_actor_options(CLI::App& app, AnimateOptions& options) {
 
 void add_motion_options(CLI::App& app, AnimateOptions& options) {
   app.option_defaults()->group("Motion");
-  app.add_option("--motion", options.motion,
+  app.add_option("--motion", options.motions,
                  "The motion: a .motion file, or one of any body: .bvh; .glb, .gltf, .vrm, .fbx, .dae (an animation); "
-                 ".npz (AMASS, SMPL-X); .c3d, .trc (points in space)")
+                 ".npz (AMASS, SMPL-X); .c3d, .trc (points in space). May be repeated with --format glb and splat-rig: "
+                 "each becomes an animation of the file, by the name of its own file")
+      ->allow_extra_args(false)
       ->required();
   app.add_option("--animation", options.animation, "Which animation of a .glb, .fbx, ... with several, by its name");
   app.add_option("--person", options.person,
@@ -600,7 +730,12 @@ void add_motion_options(CLI::App& app, AnimateOptions& options) {
       ->check(CLI::Range(0.1, 1000.0));
   app.add_flag("--loop", options.loop,
                "Make the motion cyclic: its last half second (at most a quarter of it) is blended into the "
-               "first");
+               "first; a person who travels goes on from where he is in the next repetition");
+  app.add_option("--root", options.root,
+                 "travel: the character goes where the motion goes; in-place: its root stays above one point of the "
+                 "ground, for programs that move it themselves")
+      ->check(CLI::IsMember({"travel", "in-place"}))
+      ->capture_default_str();
 }
 
 void add_camera_options(CLI::App& app, AnimateOptions& options) {
@@ -630,8 +765,11 @@ void add_image_options(CLI::App& app, AnimateOptions& options) {
 
 void add_figure_options(CLI::App& app, AnimateOptions& options) {
   app.option_defaults()->group("Figure (--format glb, usda, splat-rig, bvh)");
-  app.add_option("--names", options.names, "Names of the bones: the character's own, Mixamo's or VRM's")
-      ->check(CLI::IsMember({"skeletool", "mixamo", "vrm"}))
+  app.add_option(
+         "--names", options.names,
+         "Names of the bones: the character's own (skeletool), Mixamo's, VRM's, Unity's (HumanBodyBones) or those of "
+         "Unreal's mannequin")
+      ->check(CLI::IsMember(bone_names_words()))
       ->capture_default_str();
   CLI::Option* author =
       app.add_option("--author", options.rights.authors,
@@ -680,6 +818,7 @@ Command add_animate(CLI::App& program) {
       "  doppel animate --character actor/actor.character --motion walk.motion --model run/actor.pt --format glb "
       "--loop "
       "--out game\n"
+      "  doppel animate --character actor/actor.character --motion walk.bvh --motion run.bvh --format glb --out game\n"
       "  doppel animate --run runs/hybrid --renderer radiance --motion walk.motion --format mp4 --out views");
   return {app, [options](const CommonOptions& common) { return run(*options, common); }};
 }

@@ -13,7 +13,7 @@
 
 namespace doppel::support {
 
-/// The posed vertices of a .glb file with one skinned mesh and one animation, by the equations of the glTF 2.0
+/// The posed vertices of a .glb file with one skinned mesh and animations, by the equations of the glTF 2.0
 /// specification: morph targets first, then linear blend skinning. Shares no code with readers or writers.
 class GltfPose {
  public:
@@ -42,11 +42,13 @@ class GltfPose {
     return result;
   }
 
-  /// [vertices of the file] @param seconds on the time axis of the animation
-  std::vector<Eigen::Vector3d> vertices(double seconds) const {
+  /// [vertices of the file] @param seconds on the time axis of the animation @param animation number
+  std::vector<Eigen::Vector3d> vertices(double seconds, std::size_t animation = 0) const {
     Json nodes = json["nodes"];
     std::vector<double> weights = json["meshes"][0].value("weights", std::vector<double>{});
-    for (const Json& channel : json["animations"][0]["channels"]) apply(channel, seconds, nodes, weights);
+    const Json& moving = json["animations"][animation];
+    for (const Json& channel : moving["channels"])
+      apply(channel, moving["samplers"][channel["sampler"].get<std::size_t>()], seconds, nodes, weights);
     const std::vector<Eigen::Affine3d> world = world_of(nodes);
     const Json& skin = json["skins"][0];
     const auto inverse = rows(skin["inverseBindMatrices"].get<int>());
@@ -83,8 +85,8 @@ class GltfPose {
     return static_cast<double>(value);
   }
 
-  void apply(const Json& channel, double seconds, Json& nodes, std::vector<double>& weights) const {
-    const Json& sampler = json["animations"][0]["samplers"][channel["sampler"].get<std::size_t>()];
+  void apply(const Json& channel, const Json& sampler, double seconds, Json& nodes,
+             std::vector<double>& weights) const {
     const auto times = rows(sampler["input"].get<int>()), values = rows(sampler["output"].get<int>());
     std::size_t after = 0;
     while (after < times.size() && times[after][0] < seconds) ++after;

@@ -1,7 +1,9 @@
 #include "doppel/actor/export/animation.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <optional>
 
 #include "doppel/character/resample_motion.h"
 #include "doppel/core/as_size.h"
@@ -76,6 +78,55 @@ class Windows {
   FrameSteps steps_;
 };
 
+/// Keeps the root of frames above one point of the ground.
+class HeldRoot {
+ public:
+  /// @param first the window of the first frame
+  HeldRoot(const Skeleton& skeleton, const torch::Tensor& first) : root_(skeleton.root()), first_(last_row(first)) {}
+
+  /// @param vertices [N,3] @param window [F+1,D]; both are changed
+  void hold(const torch::Tensor& vertices, const torch::Tensor& window) const {
+    const torch::Tensor now = last_row(window);
+    for (const int axis : {0, 2}) {
+      const int dof = root_.translation[axis];
+      const double way = now[dof].item<double>() - first_[dof].item<double>();
+      window.select(1, dof) -= way;
+      vertices.select(1, axis) -= root_.translation_weight[axis] * way;
+    }
+  }
+
+ private:
+  static torch::Tensor last_row(const torch::Tensor& window) { return window[window.size(0) - 1].clone(); }
+
+  Skeleton::Root root_;
+  torch::Tensor first_;
+};
+
+/// Poses the frames of one motion and passes them to the writers. @param held nothing: the root travels
+void pose_frames(const Character& character, const Windows& window, const std::optional<HeldRoot>& held,
+                 const ActorFunction& geometry, const std::vector<std::unique_ptr<SequenceWriter>>& writers,
+                 Profile& profile, Progress& progress) {
+  const int frames = window.count();
+  for (int first = 0; first < frames; first += kFramesAtOnce) {
+    if (stop_requested()) fail("animating {}: stopped at frame {} of {}", character.name, first, frames);
+    const int last = std::min(first + kFramesAtOnce, frames);
+    std::vector<torch::Tensor> windows;
+    for (int f = first; f < last; ++f) windows.push_back(window.at(f));
+    torch::Tensor vertices;
+    {
+      const ProfileScope scope(profile, "geometry");
+      vertices = geometry(torch::stack(windows)).contiguous();
+    }
+    if (!torch::isfinite(vertices).all().item<bool>())
+      fail("animating {}: frame {} or one of the next {} has positions that are not finite", character.name, first,
+           last - first - 1);
+    for (int f = first; held && f < last; ++f) held->hold(vertices[f - first], windows[f - first]);
+    for (int f = first; f < last; ++f)
+      for (const auto& writer : writers) writer->write({frame_of(vertices, f - first), windows[f - first]});
+    progress.advance(last - first);
+  }
+}
+
 }  // namespace
 
 torch::Tensor tensor_of(const PosedFrame& frame) {
@@ -91,45 +142,47 @@ torch::Tensor motion_window(const Motion& motion, int frame, int past_frames) {
   return rows;
 }
 
-void animate(const Character& character, const Motion& motion, const ActorFile* actor,
-             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile, const FrameSteps& steps) {
+void animate(const Character& character, std::span<const MotionPart> parts, const ActorFile* actor,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile) {
   if (actor) {
-    check_belongs_together(character, motion, *actor);
+    for (const MotionPart& part : parts) check_belongs_together(character, part.motion, *actor);
     const auto geometry = [actor](const torch::Tensor& dofs) { return actor->forward(dofs); };
-    return animate(character, motion, actor->description().past_frames, geometry, writers, profile, steps);
+    return animate(character, parts, actor->description().past_frames, geometry, writers, profile);
   }
   CharacterSurface surface(character);
   animate(
-      character, motion, 0, [&](const torch::Tensor& dofs) { return surface->skinned(dofs.select(1, 0)); }, writers,
-      profile, steps);
+      character, parts, 0, [&](const torch::Tensor& dofs) { return surface->skinned(dofs.select(1, 0)); }, writers,
+      profile);
+}
+
+void animate(const Character& character, const Motion& motion, const ActorFile* actor,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile, const FrameSteps& steps) {
+  animate(character, std::array{MotionPart{motion, steps}}, actor, writers, profile);
+}
+
+void animate(const Character& character, std::span<const MotionPart> parts, int past_frames,
+             const ActorFunction& geometry, const std::vector<std::unique_ptr<SequenceWriter>>& writers,
+             Profile* profile) {
+  Profile unused;
+  torch::NoGradGuard no_grad;
+  std::vector<Windows> windows;
+  int frames = 0;
+  for (const MotionPart& part : parts) {
+    check_belongs_together(character, part.motion);
+    frames += windows.emplace_back(character, part.motion, past_frames, part.steps).count();
+  }
+  Progress progress("animate", frames);
+  for (std::size_t i = 0; i < windows.size(); ++i) {
+    std::optional<HeldRoot> held;
+    if (parts[i].in_place) held.emplace(character.skeleton, windows[i].at(0));
+    pose_frames(character, windows[i], held, geometry, writers, profile ? *profile : unused, progress);
+  }
+  for (const auto& writer : writers) writer->close();
 }
 
 void animate(const Character& character, const Motion& motion, int past_frames, const ActorFunction& geometry,
              const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile, const FrameSteps& steps) {
-  check_belongs_together(character, motion);
-  Profile unused;
-  torch::NoGradGuard no_grad;
-  const Windows window(character, motion, past_frames, steps);
-  const int frames = window.count();
-  Progress progress("animate", frames);
-  for (int first = 0; first < frames; first += kFramesAtOnce) {
-    if (stop_requested()) fail("animating {}: stopped at frame {} of {}", character.name, first, frames);
-    const int last = std::min(first + kFramesAtOnce, frames);
-    std::vector<torch::Tensor> windows;
-    for (int f = first; f < last; ++f) windows.push_back(window.at(f));
-    torch::Tensor vertices;
-    {
-      const ProfileScope scope(profile ? *profile : unused, "geometry");
-      vertices = geometry(torch::stack(windows)).contiguous();
-    }
-    if (!torch::isfinite(vertices).all().item<bool>())
-      fail("animating {}: frame {} or one of the next {} has positions that are not finite", character.name, first,
-           last - first - 1);
-    for (int f = first; f < last; ++f)
-      for (const auto& writer : writers) writer->write({frame_of(vertices, f - first), windows[f - first]});
-    progress.advance(last - first);
-  }
-  for (const auto& writer : writers) writer->close();
+  animate(character, std::array{MotionPart{motion, steps}}, past_frames, geometry, writers, profile);
 }
 
 }  // namespace doppel

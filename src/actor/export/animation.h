@@ -42,6 +42,15 @@ struct FrameSteps {
   double window = 1.0;  ///< between two poses of a window: the rate of the motion by that of the actor's training
 };
 
+/// One of the motions that are posed one after the other.
+struct MotionPart {
+  const Motion& motion;
+  FrameSteps steps = {};
+  /// The geometry is that of the motion, and then it is moved along the ground, so that the root of the skeleton stays
+  /// above one point, where it is in the first frame. The windows that writers get are those of the moved motion.
+  bool in_place = false;
+};
+
 /// The motion window of a frame: rows [frame - F, frame] of a motion, oldest first. The first row is repeated where
 /// earlier rows are missing.
 /// @param past_frames F @return [F+1, D] float32
@@ -62,5 +71,13 @@ void animate(const Character& character, const Motion& motion, int past_frames, 
 void animate(const Character& character, const Motion& motion, const ActorFile* actor,
              const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile = nullptr,
              const FrameSteps& steps = {});
+
+/// The same for several motions one after the other, which know nothing of each other: the writers get the frames of
+/// all, then they are closed.
+void animate(const Character& character, std::span<const MotionPart> parts, int past_frames,
+             const ActorFunction& geometry, const std::vector<std::unique_ptr<SequenceWriter>>& writers,
+             Profile* profile = nullptr);
+void animate(const Character& character, std::span<const MotionPart> parts, const ActorFile* actor,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile = nullptr);
 
 }  // namespace doppel

@@ -12,6 +12,7 @@ class FigureWriter : public SequenceWriter {
                FigureReport& report)
       : folder_(folder), character_(character), options_(options), report_(report) {
     clip_.frames_per_second = options.frames_per_second;
+    clip_.parts = options.parts;
     // Names that do not fit are refused before the first frame.
     figure_ = make_figure(character, options.names);
     if (options.glb) check_avatar(figure_, character.name, options.rights);

@@ -18,6 +18,9 @@ struct FigureOptions {
   std::optional<int> morphs;  ///< of files with a skin: as for fit_morphs
   FigureRights rights;        ///< of the .glb
   double tolerance = 1e-4;    ///< of files with a skin: error of interpolated keys, metres
+  /// Of the .glb: several animations in one file, which share skin and morph targets. Empty: one animation. Other files
+  /// hold all frames one after the other.
+  std::vector<ClipPart> parts;
 };
 
 /// What was lost on the way into the files with a skin.

@@ -51,6 +51,7 @@ class SplatRigWriter : public SequenceWriter {
         report_(report),
         body_(make_figure(actor.character, options.names)) {  // refuses names that do not fit before the first frame
     clip_.frames_per_second = options.frames_per_second;
+    clip_.parts = options.parts;
   }
 
   void write(const PosedFrame& frame) override { append_frame(clip_, frame); }
@@ -60,7 +61,7 @@ class SplatRigWriter : public SequenceWriter {
     const SplatRig rig = make_splat_rig(actor_.character, fitted_rest_vertices(body_, skeleton, clip_), *actor_.mesh,
                                         actor_.gaussians, options_.names);
     const FigureTracks tracks = thin_tracks(rig.figure, skeleton, clip_, {}, options_.tolerance);
-    write_splat_rig(path_, actor_.character.name, rig, tracks, options_.frames_per_second);
+    write_splat_rig(path_, actor_.character.name, rig, tracks, clip_.animations(actor_.character.name));
     report_.gaussians = rig.splats.positions.size(1);
     report_.figure.nodes = static_cast<int>(rig.figure.nodes.size());
     report_.figure.keys = tracks.num_keys();
@@ -113,7 +114,7 @@ Tensor posed_centres(const SplatRig& rig, const Skeleton& skeleton, const std::v
 }
 
 void write_splat_rig(const std::filesystem::path& path, const std::string& name, const SplatRig& rig,
-                     const FigureTracks& tracks, double frames_per_second) {
+                     const FigureTracks& tracks, const std::vector<ClipPart>& animations) {
   const torch::NoGradGuard no_gradient;
   const WrittenSplats written = written_splats("writing " + path.string(), rig.splats, 0);
   const auto* index = written.index.data_ptr<std::int64_t>();
@@ -127,8 +128,7 @@ void write_splat_rig(const std::filesystem::path& path, const std::string& name,
   add_glb_weights(buffer, rig.figure, points, mesh.primitives[0]);
   model.meshes.push_back(mesh);
   add_glb_skeleton(model, buffer, rig.figure, name, rig.figure.rest);
-  const bool moves = !tracks.rotation.empty() && !tracks.rotation[0].empty();
-  if (moves) add_glb_animation(model, buffer, tracks, frames_per_second, name);
+  for (const ClipPart& part : animations) add_glb_animation(model, buffer, tracks, part);
   write_glb_model(path, model);
 }
 

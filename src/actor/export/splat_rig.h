@@ -36,21 +36,22 @@ SplatRig make_splat_rig(const Character& character, const std::vector<Eigen::Vec
 torch::Tensor posed_centres(const SplatRig& rig, const Skeleton& skeleton, const std::vector<double>& dofs);
 
 /// Writes a binary glTF 2.0: the primitive of `write_splat_glb` with JOINTS_0 and WEIGHTS_0; the bones as nodes, with a
-/// skin whose inverse bind matrices are those of the rest pose; the motion as an animation, if it has frames. Metres,
-/// y up. Left out are the Gaussians that `write_splat_glb` leaves out. glTF says nothing about how a skin turns
+/// skin whose inverse bind matrices are those of the rest pose; the motions as animations. Metres, y up.
+/// Left out are the Gaussians that `write_splat_glb` leaves out. glTF says nothing about how a skin turns
 /// Gaussians: a player computes their covariances S' = M3 S M3^T itself, with the left 3x3 part of M.
 /// @param path its content is replaced; missing folders are created
-/// @param name of the mesh, the skin and the animation
-/// @param tracks of the bones of `rig.figure`, without morph targets
+/// @param name of the mesh and the skin
+/// @param tracks of the bones of `rig.figure`, without morph targets @param animations whose keys they hold
 /// @throws Error when no Gaussian is left, or the file cannot be written or would have more than 4 GB. The messages
 /// name the file.
 void write_splat_rig(const std::filesystem::path& path, const std::string& name, const SplatRig& rig,
-                     const FigureTracks& tracks, double frames_per_second);
+                     const FigureTracks& tracks, const std::vector<ClipPart>& animations);
 
 struct SplatRigOptions {
   double frames_per_second = 25.0;
   BoneNames names = BoneNames::skeletool;
-  double tolerance = 1e-4;  ///< error of interpolated keys, metres
+  double tolerance = 1e-4;      ///< error of interpolated keys, metres
+  std::vector<ClipPart> parts;  ///< as of FigureOptions
 };
 
 struct SplatRigReport {

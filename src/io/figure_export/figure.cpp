@@ -11,17 +11,6 @@
 namespace doppel {
 namespace {
 
-const std::vector<std::string> kMixamo{"Hips",         "Neck",          "Head",        "LeftArm",      "RightArm",
-                                       "LeftShoulder", "RightShoulder", "LeftForeArm", "RightForeArm", "LeftHand",
-                                       "RightHand",    "LeftUpLeg",     "RightUpLeg",  "LeftLeg",      "RightLeg",
-                                       "LeftFoot",     "RightFoot",     "LeftToeBase", "RightToeBase"};
-const std::vector<std::string> kMixamoSpine{"Spine", "Spine1", "Spine2", "Spine3"};
-const std::vector<std::string> kVrm{"hips",         "neck",          "head",          "leftUpperArm",  "rightUpperArm",
-                                    "leftShoulder", "rightShoulder", "leftLowerArm",  "rightLowerArm", "leftHand",
-                                    "rightHand",    "leftUpperLeg",  "rightUpperLeg", "leftLowerLeg",  "rightLowerLeg",
-                                    "leftFoot",     "rightFoot",     "leftToes",      "rightToes"};
-const std::vector<std::string> kVrmSpine{"spine", "chest", "upperChest"};
-
 /// The joints that carry bones, parents first.
 void add_nodes(const Character& character, Figure& figure) {
   const std::set<int> carriers(character.bone_joint.begin(), character.bone_joint.end());
@@ -82,36 +71,68 @@ std::string without_prefix(const std::string& name) {
   return colon == std::string::npos ? name : name.substr(colon + 1);
 }
 
-void rename_nodes(Figure& figure, BoneNames names) {
-  const bool vrm = names == BoneNames::vrm;
-  const std::string prefix = vrm ? "" : "mixamorig:";
-  const std::vector<std::string>&words = vrm ? kVrm : kMixamo, &spine_words = vrm ? kVrmSpine : kMixamoSpine;
+/// The bone of a part of the body; empty without one.
+std::string bone_of_part(const std::map<std::string, std::string>& parts, const std::string& part) {
+  for (const auto& [bone, found] : parts)
+    if (found == part) return bone;
+  return "";
+}
+
+/// The part of the body that each bone is, as far as names and tree show it.
+std::map<std::string, std::string> parts_of_bones(const Figure& figure) {
   std::vector<std::string> own;
   for (const FigureNode& node : figure.nodes) own.push_back(node.name);
-  const JointMap map = guess_joint_map(own, words);
-  std::map<std::string, std::string> renamed;
-  for (const JointMap::Pair& pair : map.pairs) renamed[pair.target] = pair.source;
-  std::string hips, neck;
-  for (const auto& [bone, word] : renamed) {
-    if (word == words[0]) hips = bone;
-    if (word == words[1]) neck = bone;
-  }
-  if (hips.empty()) {
-    hips = hips_by_tree(figure, renamed,
-                        vrm ? std::vector<std::string>{"neck", "leftUpperLeg", "rightUpperLeg"}
-                            : std::vector<std::string>{"Neck", "LeftUpLeg", "RightUpLeg"});
-    if (!hips.empty()) renamed[hips] = words[0];
-  }
-  const std::vector<int> spine = spine_of(figure, hips, neck);
-  for (std::size_t i = 0; i < std::min(spine.size(), spine_words.size()); ++i)
-    renamed.emplace(figure.nodes[spine[i]].name, spine_words[i]);
+  std::map<std::string, std::string> parts;
+  for (const JointMap::Pair& pair : guess_joint_map(own, body_parts()).pairs) parts[pair.target] = pair.source;
+  std::string hips = bone_of_part(parts, "Hips"), neck = bone_of_part(parts, "Neck");
+  if (hips.empty()) hips = hips_by_tree(figure, parts, {"Neck", "LeftUpLeg", "RightUpLeg"});
+  if (!hips.empty()) parts[hips] = "Hips";
+  if (neck.empty()) neck = bone_of_part(parts, "Head");
+  std::size_t spine = 0;
+  for (const int node : spine_of(figure, hips, neck))
+    if (spine < spine_parts().size() && parts.emplace(figure.nodes[node].name, spine_parts()[spine]).second) ++spine;
   std::set<std::string> fingers;  // of two with one name after the prefix, the first
   for (const FigureNode& node : figure.nodes)
     if (const auto finger = vrm_fingers().find(without_prefix(node.name));
         finger != vrm_fingers().end() && fingers.insert(finger->first).second)
-      renamed.emplace(node.name, vrm ? finger->second : finger->first);
-  for (FigureNode& node : figure.nodes)
-    if (const auto found = renamed.find(node.name); found != renamed.end()) node.name = prefix + found->second;
+      parts.emplace(node.name, finger->first);
+  if (figure.nodes[0].name != hips) parts.emplace(figure.nodes[0].name, "Root");
+  return parts;
+}
+
+/// Numbers for the nodes that kept a name which another node got.
+void number_repeated(Figure& figure, const std::vector<bool>& renamed) {
+  std::set<std::string> taken;
+  for (std::size_t i = 0; i < renamed.size(); ++i)
+    if (renamed[i]) taken.insert(figure.nodes[i].name);
+  for (std::size_t i = 0; i < renamed.size(); ++i) {
+    if (renamed[i]) continue;
+    std::string& name = figure.nodes[i].name;
+    const std::string own = name;
+    for (int number = 2; !taken.insert(name).second; ++number) name = own + "_" + std::to_string(number);
+  }
+}
+
+/// @throws UsageError when bones are missing that the convention requires. @param who the character
+void rename_nodes(Figure& figure, BoneNames names, const std::string& who) {
+  const NameConvention& convention = name_convention(names);
+  const std::map<std::string, std::string> parts = parts_of_bones(figure);
+  std::vector<std::string> missing;
+  for (const std::string& part : convention.required)
+    if (bone_of_part(parts, part).empty()) missing.push_back(convention.names.at(part));
+  if (!missing.empty())
+    fail<UsageError>(
+        "'{}' lacks bones that --names {} needs: {}; programs would not take it for a human. `--names mixamo` and the "
+        "character's own names need none of them",
+        who, bone_names_words().at(static_cast<std::size_t>(names)), fmt::join(missing, ", "));
+  std::vector<bool> renamed;
+  for (FigureNode& node : figure.nodes) {
+    const auto part = parts.find(node.name);
+    const auto name = part == parts.end() ? convention.names.end() : convention.names.find(part->second);
+    renamed.push_back(name != convention.names.end());
+    if (renamed.back()) node.name = convention.prefix + name->second;
+  }
+  number_repeated(figure, renamed);
 }
 
 std::map<int, int> nodes_of_joints(const Figure& figure) {
@@ -165,30 +186,11 @@ void add_weights(const Character& character, Figure& figure) {
 Figure make_figure(const Character& character, BoneNames names) {
   Figure figure;
   add_nodes(character, figure);
-  if (names != BoneNames::skeletool) rename_nodes(figure, names);
+  if (names != BoneNames::skeletool) rename_nodes(figure, names, character.name);
   add_weights(character, figure);
   figure.rest = pose_nodes(figure, character.skeleton, character.rest_dofs);
   figure.rest_vertices = character.mesh.vertices;
   return figure;
-}
-
-const std::map<std::string, std::string>& vrm_fingers() {
-  static const std::map<std::string, std::string> kNames = [] {
-    constexpr std::array<std::array<const char*, 2>, 5> kFingers{
-        {{"Thumb", "Thumb"}, {"Index", "Index"}, {"Middle", "Middle"}, {"Ring", "Ring"}, {"Pinky", "Little"}}};
-    std::map<std::string, std::string> names;
-    for (const auto& [mixamo, vrm] : kFingers) {
-      const bool thumb = std::string(vrm) == "Thumb";
-      const std::array<const char*, 3> parts{thumb ? "Metacarpal" : "Proximal", thumb ? "Proximal" : "Intermediate",
-                                             "Distal"};
-      for (std::size_t k = 0; k < parts.size(); ++k) {
-        names["LeftHand" + std::string(mixamo) + std::to_string(k + 1)] = "left" + std::string(vrm) + parts[k];
-        names["RightHand" + std::string(mixamo) + std::to_string(k + 1)] = "right" + std::string(vrm) + parts[k];
-      }
-    }
-    return names;
-  }();
-  return kNames;
 }
 
 std::map<std::string, std::string> renamed_bones(const Character& character, BoneNames names) {
@@ -197,7 +199,7 @@ std::map<std::string, std::string> renamed_bones(const Character& character, Bon
   Figure own;
   add_nodes(character, own);
   Figure figure = own;
-  rename_nodes(figure, names);
+  rename_nodes(figure, names, character.name);
   for (std::size_t i = 0; i < own.nodes.size(); ++i)
     if (figure.nodes[i].name != own.nodes[i].name) renamed[own.nodes[i].name] = figure.nodes[i].name;
   return renamed;

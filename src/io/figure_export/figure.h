@@ -7,11 +7,9 @@
 #include <vector>
 
 #include "doppel/character/character.h"
+#include "doppel/io/figure_export/bone_names.h"
 
 namespace doppel {
-
-/// The names that the nodes of an exported figure get.
-enum class BoneNames { skeletool, mixamo, vrm };
 
 /// A bone as other programs know it: a rigid transform with a name. It unites the single axes of a joint.
 struct FigureNode {
@@ -31,14 +29,13 @@ struct Figure {
   double largest_dropped_weight = 0.0;         ///< sum of the weights that a vertex with more than four bones lost
 };
 
-/// The nodes are the joints that carry bones. Names are unique. With `mixamo` or `vrm`, bones whose names are
-/// recognised (guess_joint_map) are renamed; those between hips and neck become the spine. The other names stay.
-/// Hips without such a name are the node above both thighs and the neck.
-/// @throws UsageError when `names` is not skeletool, and too few names are recognised
+/// The nodes are the joints that carry bones. Names are unique. With a convention, bones whose names are recognised
+/// (guess_joint_map) are renamed; those between hips and neck, or head, become the spine. The other names stay; one
+/// that the convention has for another bone gets a number (`Spine_2`). Hips without such a name are the node above both
+/// thighs and the neck.
+/// @throws UsageError when `names` is not skeletool, and too few names are recognised, or bones are missing that the
+/// convention requires
 Figure make_figure(const Character& character, BoneNames names);
-
-/// The names in VRM (`leftIndexProximal`) of the bones of fingers, by those in Mixamo (`LeftHandIndex1`).
-const std::map<std::string, std::string>& vrm_fingers();
 
 /// The new name of each bone that `make_figure` renames. Empty for skeletool. @throws UsageError as make_figure
 std::map<std::string, std::string> renamed_bones(const Character& character, BoneNames names);

@@ -1,19 +1,30 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "doppel/io/figure_export/figure.h"
 
 namespace doppel {
 
+/// Frames of a clip that a file holds as an animation of its own.
+struct ClipPart {
+  std::string name;
+  int first = 0, frames = 0;
+  double frames_per_second = 25.0;
+};
+
 /// An animated surface: the poses, and the vertices that an actor gave them. Memory: 12 bytes per vertex and frame.
 struct FigureClip {
   double frames_per_second = 25.0;
   std::vector<std::vector<double>> dofs;     ///< [T][D]
   std::vector<std::vector<float>> vertices;  ///< [T][3N] world metres
+  std::vector<ClipPart> parts;               ///< several animations, one after the other; empty: one
 
   int num_frames() const { return static_cast<int>(dofs.size()); }
+  /// The animations: its parts; without parts all frames, if there are any, by the given name.
+  std::vector<ClipPart> animations(const std::string& name) const;
 };
 
 /// The rest vertices with which the linear blend comes nearest to the clip: for each vertex the b with the least
@@ -29,6 +40,9 @@ struct MorphTargets {
   Eigen::MatrixXd weights;                ///< [T, K], 0 to 1
   int at_once = 0;                        ///< largest number of targets that a frame may use
   bool exhausted = false;                 ///< vertices are more than 5 mm off, because more targets are not allowed
+  /// [K] unique: `Frames2_Way1`, `Frames2_Way2`, ... are the components of the second group of frames, largest first,
+  /// and `Frames2_Base` is what all of them start from.
+  std::vector<std::string> names;
 
   int count() const { return static_cast<int>(targets.size()); }
 };
@@ -57,7 +71,7 @@ struct FigureTracks {
 };
 
 /// The tracks with as few keys as keep linear interpolation (spherical for rotations) within `tolerance`. The values
-/// between keys are replaced by the interpolated ones.
+/// between keys are replaced by the interpolated ones. Each part of the clip has keys of its own, from its first frame.
 /// @param tolerance metres, of a point one metre from the joint
 FigureTracks thin_tracks(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip,
                          const MorphTargets& morphs, double tolerance);

@@ -9,32 +9,43 @@ namespace {
 
 double share(int a, int b, int i) { return static_cast<double>(i - a) / (b - a); }
 
-/// Calls `fill(a, b, i)` for each frame i between two neighbouring keys a and b.
-template <typename Fill>
-void between_keys(const std::vector<int>& keys, const Fill& fill) {
-  for (std::size_t k = 1; k < keys.size(); ++k)
-    for (int i = keys[k - 1] + 1; i < keys[k]; ++i) fill(keys[k - 1], keys[k], i);
+using Parts = std::vector<ClipPart>;
+
+/// The keys of each part of a track. Calls `fill(a, b, i)` for each frame i between two neighbouring keys a and b.
+/// @param error as for key_frames
+template <typename Error, typename Fill>
+std::vector<int> thinned(const Parts& parts, double tolerance, const Error& error, const Fill& fill) {
+  std::vector<int> all;
+  for (const ClipPart& part : parts) {
+    std::vector<int> keys = key_frames(part.frames, tolerance, [&, first = part.first](int a, int b, int i) {
+      return error(first + a, first + b, first + i);
+    });
+    for (int& key : keys) key += part.first;
+    for (std::size_t k = 1; k < keys.size(); ++k)
+      for (int i = keys[k - 1] + 1; i < keys[k]; ++i) fill(keys[k - 1], keys[k], i);
+    all.insert(all.end(), keys.begin(), keys.end());
+  }
+  return all;
 }
 
-std::vector<int> thin_rotations(std::vector<Eigen::Quaterniond>& values, double tolerance) {
+std::vector<int> thin_rotations(std::vector<Eigen::Quaterniond>& values, const Parts& parts, double tolerance) {
   const auto at = [&](int a, int b, int i) { return values[a].slerp(share(a, b, i), values[b]); };
-  const auto keys = key_frames(static_cast<int>(values.size()), tolerance,
-                               [&](int a, int b, int i) { return values[i].angularDistance(at(a, b, i)); });
-  between_keys(keys, [&](int a, int b, int i) { values[i] = at(a, b, i); });
-  return keys;
+  return thinned(
+      parts, tolerance, [&](int a, int b, int i) { return values[i].angularDistance(at(a, b, i)); },
+      [&](int a, int b, int i) { values[i] = at(a, b, i); });
 }
 
-std::vector<int> thin_translations(std::vector<Eigen::Vector3d>& values, double tolerance) {
+std::vector<int> thin_translations(std::vector<Eigen::Vector3d>& values, const Parts& parts, double tolerance) {
   const auto at = [&](int a, int b, int i) -> Eigen::Vector3d {
     return values[a] + share(a, b, i) * (values[b] - values[a]);
   };
-  const auto keys = key_frames(static_cast<int>(values.size()), tolerance,
-                               [&](int a, int b, int i) { return (values[i] - at(a, b, i)).norm(); });
-  between_keys(keys, [&](int a, int b, int i) { values[i] = at(a, b, i); });
-  return keys;
+  return thinned(
+      parts, tolerance, [&](int a, int b, int i) { return (values[i] - at(a, b, i)).norm(); },
+      [&](int a, int b, int i) { values[i] = at(a, b, i); });
 }
 
-std::vector<int> thin_weights(Eigen::MatrixXd& weights, const MorphTargets& morphs, double tolerance) {
+std::vector<int> thin_weights(Eigen::MatrixXd& weights, const MorphTargets& morphs, const Parts& parts,
+                              double tolerance) {
   if (weights.rows() == 0 || weights.cols() == 0) return {};
   Eigen::RowVectorXd reach(morphs.count());  // the largest displacement of each target
   for (int k = 0; k < morphs.count(); ++k)
@@ -42,11 +53,10 @@ std::vector<int> thin_weights(Eigen::MatrixXd& weights, const MorphTargets& morp
   const auto at = [&](int a, int b, int i) -> Eigen::RowVectorXd {
     return weights.row(a) + share(a, b, i) * (weights.row(b) - weights.row(a));
   };
-  const auto keys = key_frames(static_cast<int>(weights.rows()), tolerance, [&](int a, int b, int i) {
-    return (weights.row(i) - at(a, b, i)).cwiseAbs().cwiseProduct(reach).sum();
-  });
-  between_keys(keys, [&](int a, int b, int i) { weights.row(i) = at(a, b, i).eval(); });
-  return keys;
+  return thinned(
+      parts, tolerance,
+      [&](int a, int b, int i) { return (weights.row(i) - at(a, b, i)).cwiseAbs().cwiseProduct(reach).sum(); },
+      [&](int a, int b, int i) { weights.row(i) = at(a, b, i).eval(); });
 }
 
 /// The transforms of the nodes that the tracks give in frame t, node to world.
@@ -61,6 +71,11 @@ std::vector<Eigen::Affine3d> nodes_at(const Figure& figure, const FigureTracks& 
 }
 
 }  // namespace
+
+std::vector<ClipPart> FigureClip::animations(const std::string& name) const {
+  if (!parts.empty() || num_frames() == 0) return parts;
+  return {{name, 0, num_frames(), frames_per_second}};
+}
 
 std::size_t FigureTracks::num_keys() const {
   std::size_t sum = weight_keys.size();
@@ -87,12 +102,13 @@ FigureTracks thin_tracks(const Figure& figure, const Skeleton& skeleton, const F
       tracks.translation[i].push_back(local.translation());
     }
   }
+  const Parts parts = clip.animations("");
   for (std::size_t i = 0; i < figure.nodes.size(); ++i) {
-    tracks.rotation_keys.push_back(thin_rotations(tracks.rotation[i], tolerance));
-    tracks.translation_keys.push_back(thin_translations(tracks.translation[i], tolerance));
+    tracks.rotation_keys.push_back(thin_rotations(tracks.rotation[i], parts, tolerance));
+    tracks.translation_keys.push_back(thin_translations(tracks.translation[i], parts, tolerance));
   }
   tracks.weights = morphs.weights;
-  tracks.weight_keys = thin_weights(tracks.weights, morphs, tolerance);
+  tracks.weight_keys = thin_weights(tracks.weights, morphs, parts, tolerance);
   return tracks;
 }
 

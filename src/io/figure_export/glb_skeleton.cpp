@@ -1,5 +1,7 @@
 #include "doppel/io/figure_export/glb_skeleton.h"
 
+#include <algorithm>
+#include <iterator>
 #include <map>
 
 namespace doppel {
@@ -20,34 +22,46 @@ tinygltf::Node bone_node(const Figure& figure, const std::vector<Eigen::Affine3d
 
 class AnimationWriter {
  public:
-  AnimationWriter(GlbBuffer& buffer, const FigureTracks& tracks, double frames_per_second)
-      : buffer_(buffer), tracks_(tracks), frames_per_second_(frames_per_second) {}
+  AnimationWriter(GlbBuffer& buffer, const FigureTracks& tracks, const ClipPart& part)
+      : buffer_(buffer), tracks_(tracks), part_(part) {}
 
   tinygltf::Animation written() {
     for (std::size_t i = 0; i < tracks_.rotation.size(); ++i) add_bone(i);
     if (tracks_.weights.cols() > 0) add_weights();
+    animation_.name = part_.name;
     return animation_;
   }
 
  private:
+  /// Those of the keys that are in the part.
+  std::vector<int> in_part(const std::vector<int>& keys) const {
+    std::vector<int> inside;
+    std::copy_if(keys.begin(), keys.end(), std::back_inserter(inside),
+                 [this](int key) { return key >= part_.first && key < part_.first + part_.frames; });
+    return inside;
+  }
+
   void add_bone(std::size_t bone) {
     std::vector<float> turns, offsets;
-    for (const int key : tracks_.rotation_keys[bone]) {
+    const std::vector<int> rotation_keys = in_part(tracks_.rotation_keys[bone]),
+                           translation_keys = in_part(tracks_.translation_keys[bone]);
+    for (const int key : rotation_keys) {
       const Eigen::Quaterniond& turn = tracks_.rotation[bone][key];
       for (const double value : {turn.x(), turn.y(), turn.z(), turn.w()}) turns.push_back(static_cast<float>(value));
     }
-    for (const int key : tracks_.translation_keys[bone])
+    for (const int key : translation_keys)
       for (int axis = 0; axis < 3; ++axis) offsets.push_back(static_cast<float>(tracks_.translation[bone][key][axis]));
-    add_channel(static_cast<int>(bone) + 1, "rotation", tracks_.rotation_keys[bone], turns, 4);
-    add_channel(static_cast<int>(bone) + 1, "translation", tracks_.translation_keys[bone], offsets, 3);
+    add_channel(static_cast<int>(bone) + 1, "rotation", rotation_keys, turns, 4);
+    add_channel(static_cast<int>(bone) + 1, "translation", translation_keys, offsets, 3);
   }
 
   void add_weights() {
     std::vector<float> weights;
-    for (const int key : tracks_.weight_keys)
+    const std::vector<int> keys = in_part(tracks_.weight_keys);
+    for (const int key : keys)
       for (Eigen::Index k = 0; k < tracks_.weights.cols(); ++k)
         weights.push_back(static_cast<float>(tracks_.weights(key, k)));
-    add_channel(static_cast<int>(tracks_.rotation.size()) + 1, "weights", tracks_.weight_keys, weights, 1);
+    add_channel(static_cast<int>(tracks_.rotation.size()) + 1, "weights", keys, weights, 1);
   }
 
   /// The accessor of the times of keys; equal lists share one.
@@ -55,7 +69,7 @@ class AnimationWriter {
     if (const auto found = times_.find(keys); found != times_.end()) return found->second;
     std::vector<float> seconds;
     seconds.reserve(keys.size());
-    for (const int key : keys) seconds.push_back(static_cast<float>(key / frames_per_second_));
+    for (const int key : keys) seconds.push_back(static_cast<float>((key - part_.first) / part_.frames_per_second));
     return times_[keys] = buffer_.floats(seconds, 1, true);
   }
 
@@ -75,7 +89,7 @@ class AnimationWriter {
 
   GlbBuffer& buffer_;
   const FigureTracks& tracks_;
-  double frames_per_second_;
+  const ClipPart& part_;
   tinygltf::Animation animation_;
   std::map<std::vector<int>, int> times_;
 };
@@ -124,11 +138,8 @@ void add_glb_weights(GlbBuffer& buffer, const Figure& figure, std::span<const in
   primitive.attributes["WEIGHTS_0"] = buffer.floats(weights, 4, false, TINYGLTF_TARGET_ARRAY_BUFFER);
 }
 
-void add_glb_animation(tinygltf::Model& model, GlbBuffer& buffer, const FigureTracks& tracks, double frames_per_second,
-                       const std::string& name) {
-  tinygltf::Animation animation = AnimationWriter(buffer, tracks, frames_per_second).written();
-  animation.name = name;
-  model.animations.push_back(animation);
+void add_glb_animation(tinygltf::Model& model, GlbBuffer& buffer, const FigureTracks& tracks, const ClipPart& part) {
+  model.animations.push_back(AnimationWriter(buffer, tracks, part).written());
 }
 
 }  // namespace doppel

@@ -24,10 +24,9 @@ void add_glb_skeleton(tinygltf::Model& model, GlbBuffer& buffer, const Figure& f
 void add_glb_weights(GlbBuffer& buffer, const Figure& figure, std::span<const int> vertices,
                      tinygltf::Primitive& primitive);
 
-/// Adds the animation of the nodes of `add_glb_skeleton`, and of the weights of the morph targets if there are any:
-/// linear interpolation between the keys of the tracks.
-/// @param tracks of at least one frame @param name of the animation
-void add_glb_animation(tinygltf::Model& model, GlbBuffer& buffer, const FigureTracks& tracks, double frames_per_second,
-                       const std::string& name);
+/// Adds an animation of the nodes of `add_glb_skeleton`, and of the weights of the morph targets if there are any:
+/// linear interpolation between the keys of the tracks. Time 0 is the first frame of the part.
+/// @param tracks whose keys are those of the parts of a clip @param part of at least one frame
+void add_glb_animation(tinygltf::Model& model, GlbBuffer& buffer, const FigureTracks& tracks, const ClipPart& part);
 
 }  // namespace doppel

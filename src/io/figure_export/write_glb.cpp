@@ -58,6 +58,13 @@ std::vector<Eigen::Vector3d> normals_of(const TriangleMesh& mesh, const Eigen::M
   return normals;
 }
 
+/// Where programs look for the names of morph targets, which glTF itself does not have.
+tinygltf::Value target_names(const std::vector<std::string>& names) {
+  tinygltf::Value::Array list;
+  for (const std::string& name : names) list.emplace_back(name);
+  return tinygltf::Value(tinygltf::Value::Object{{"targetNames", tinygltf::Value(std::move(list))}});
+}
+
 class GlbWriter {
  public:
   GlbWriter(const FigureFile& file, const Figure& figure, const MorphTargets& morphs, const FigureTracks& tracks)
@@ -66,7 +73,7 @@ class GlbWriter {
     const bool avatar = !file.rights.authors.empty();
     if (avatar) check_avatar(figure, file.name, file.rights);
     add_glb_skeleton(model_, buffer_, figure, file.name, avatar ? t_pose(figure) : figure.rest);
-    if (file.clip.num_frames() > 0) add_glb_animation(model_, buffer_, tracks, file.clip.frames_per_second, file.name);
+    for (const ClipPart& part : file.clip.animations(file.name)) add_glb_animation(model_, buffer_, tracks, part);
     if (avatar) {
       model_.extensions["VRMC_vrm"] = vrm_extension(figure, file.name, file.rights, /*first_node=*/1);
       model_.extensionsUsed.emplace_back("VRMC_vrm");
@@ -96,6 +103,7 @@ class GlbWriter {
     mesh.name = file_.name;
     mesh.primitives.push_back(primitive);
     mesh.weights.assign(morphs_.count(), 0.0);
+    if (!morphs_.names.empty()) mesh.extras = target_names(morphs_.names);
     model_.meshes.push_back(mesh);
   }
 

@@ -1,9 +1,9 @@
 #include "doppel/io/vmc/vmc_pose.h"
 
+#include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
-#include <set>
+#include <map>
 
 #include "doppel/core/error.h"
 #include "doppel/geometry/best_rotation.h"
@@ -11,15 +11,17 @@
 namespace doppel {
 namespace {
 
-const std::set<std::string> kHumanBones{
-    "hips",         "spine",         "chest",        "upperChest",    "neck",         "head",
-    "leftShoulder", "rightShoulder", "leftUpperArm", "rightUpperArm", "leftLowerArm", "rightLowerArm",
-    "leftHand",     "rightHand",     "leftUpperLeg", "rightUpperLeg", "leftLowerLeg", "rightLowerLeg",
-    "leftFoot",     "rightFoot",     "leftToes",     "rightToes"};
+/// The names of Unity's HumanBodyBones by those of VRM 1.0. They differ in more than the case: what VRM calls the
+/// proximal bone of a thumb is the intermediate one of Unity.
+std::map<std::string, std::string> unity_by_vrm() {
+  const auto& unity = name_convention(BoneNames::unity).names;
+  std::map<std::string, std::string> names;
+  for (const auto& [part, vrm] : name_convention(BoneNames::vrm).names) names[vrm] = unity.at(part);
+  return names;
+}
 
-std::string capitalised(std::string name) {
-  name[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(name[0])));
-  return name;
+bool is_unity_finger(const std::string& name) {
+  return name.ends_with("Proximal") || name.ends_with("Intermediate") || name.ends_with("Distal");
 }
 
 /// The rotation of a transform without scale.
@@ -50,15 +52,16 @@ int VmcAvatar::part_named(const std::string& name) const {
 }
 
 void VmcAvatar::add_parts() {
+  const std::map<std::string, std::string> names = unity_by_vrm();
   std::vector<int> part_of(figure_.nodes.size(), -1);
   for (std::size_t n = 0; n < figure_.nodes.size(); ++n) {
     const FigureNode& node = figure_.nodes[n];
     const int above = node.parent < 0 ? -1 : part_of[node.parent];
     part_of[n] = above;
-    const bool human = kHumanBones.contains(node.name);
-    if (!human || (above < 0 && node.name != "hips")) continue;  // a bone is below the hips
+    const auto name = names.find(node.name);
+    if (name == names.end() || (above < 0 && node.name != "hips")) continue;  // a bone is below the hips
     Part part;
-    part.name = capitalised(node.name);
+    part.name = name->second;
     part.parent = above;
     part.node = static_cast<int>(n);
     part_of[n] = static_cast<int>(parts_.size());
@@ -91,12 +94,26 @@ void VmcAvatar::turn_to_t_pose() {
     if (bone < 0 || end < 0) continue;
     parts_[bone].t_pose = rotation_between(rest_position(end) - rest_position(bone), limb.direction).toRotationMatrix();
   }
-  for (Part& part : parts_) {
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    Part& part = parts_[i];
     if (part.parent < 0) continue;
-    Part& parent = parts_[part.parent];
-    if (part.name.ends_with("Hand")) part.t_pose = parent.t_pose;  // a hand goes on in the direction of the arm
-    part.offset = parent.t_pose * (rest_position(part_named(part.name)) - rest_position(part.parent));
+    const Part& parent = parts_[part.parent];
+    // A hand goes on in the direction of the arm, a finger in that of the hand.
+    if (part.name.ends_with("Hand") || is_unity_finger(part.name)) part.t_pose = parent.t_pose;
+    if (is_unity_finger(part.name)) straighten_finger(static_cast<int>(i));
+    part.offset = parent.t_pose * (rest_position(static_cast<int>(i)) - rest_position(part.parent));
   }
+}
+
+void VmcAvatar::straighten_finger(int bone) {
+  Part& part = parts_[bone];
+  if (part.name.find("Thumb") != std::string::npos) return;
+  const auto next = std::find_if(parts_.begin(), parts_.end(), [&](const Part& other) { return other.parent == bone; });
+  if (next == parts_.end()) return;
+  const Eigen::Vector3d out = (part.name.starts_with("Left") ? 1.0 : -1.0) * Eigen::Vector3d::UnitX();
+  const Eigen::Vector3d along =
+      part.t_pose * (rest_position(static_cast<int>(next - parts_.begin())) - rest_position(bone));
+  part.t_pose = rotation_between(along, out).toRotationMatrix() * part.t_pose;
 }
 
 std::vector<VmcBone> VmcAvatar::bones(const std::vector<double>& dofs) const {

@@ -11,7 +11,7 @@
 namespace doppel {
 namespace {
 
-constexpr std::size_t kMaxPacketBytes = 8192;  // 22 bones need less than half
+constexpr std::size_t kMaxPacketBytes = 8192;  // 52 bones need about 5000
 constexpr osc::int32 kLoaded = 1, kCalibrated = 3, kNormalMode = 0;
 
 IpEndpointName endpoint_of(const std::string& address) {

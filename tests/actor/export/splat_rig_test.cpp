@@ -85,7 +85,8 @@ struct Subject {
   }
   SplatRig write(const std::filesystem::path& path) {
     SplatRig made = rig();
-    write_splat_rig(path, "anna", made, thin_tracks(made.figure, character.skeleton, clip, {}, 0.0), kRate);
+    write_splat_rig(path, "anna", made, thin_tracks(made.figure, character.skeleton, clip, {}, 0.0),
+                    clip.animations("anna"));
     return made;
   }
 };
@@ -230,7 +231,7 @@ TEST(SplatRig, GaussiansThatCannotBeWrittenTakeTheirWeightsAlong) {
   Subject subject(SkinningMode::linear);
   SplatRig rig = subject.write(folder / "all.glb");
   rig.splats.opacities[0][2] = std::nanf("");
-  write_splat_rig(folder / "a.glb", "anna", rig, FigureTracks(), kRate);
+  write_splat_rig(folder / "a.glb", "anna", rig, FigureTracks(), {});
   const GltfPose all(folder / "all.glb"), file(folder / "a.glb");
   for (const char* name : {"POSITION", "JOINTS_0", "WEIGHTS_0"}) {
     Rows wanted = attribute(all, name);
@@ -239,7 +240,7 @@ TEST(SplatRig, GaussiansThatCannotBeWrittenTakeTheirWeightsAlong) {
   }
   EXPECT_FALSE(file.json.contains("animations"));  // without frames
   rig.splats.opacities.fill_(std::nanf(""));
-  EXPECT_THAT(message_of<Error>([&] { write_splat_rig(folder / "b.glb", "anna", rig, FigureTracks(), kRate); }),
+  EXPECT_THAT(message_of<Error>([&] { write_splat_rig(folder / "b.glb", "anna", rig, FigureTracks(), {}); }),
               ::testing::AllOf(HasSubstr("b.glb"), HasSubstr("there is no Gaussian to write")));
 }
 

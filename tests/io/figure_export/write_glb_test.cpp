@@ -1,7 +1,9 @@
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "doppel/character/blend_skin.h"
 #include "doppel/io/figure_export/write_figure.h"
@@ -73,6 +75,63 @@ TEST(WriteGlb, TheFileMovesAsTheClipByTheEquationsOfTheSpecification) {
     EXPECT_LE((made.morphs.weights.row(t).array() != 0.0).count(), 8);
   EXPECT_GE(made.morphs.weights.minCoeff(), 0.0);  // Blender clamps weights below 0
   EXPECT_LE(made.morphs.weights.maxCoeff(), 1.0 + 1e-12);
+}
+
+TEST(WriteGlb, MorphTargetsHaveNames) {
+  const TemporaryFolder folder;
+  const Character& actor = test_actor();
+  const Exported made = export_glb(folder / "a.glb", actor, waving_clip(actor, 60, 0.06), 8);
+  const auto mesh = GltfPose(folder / "a.glb").json["meshes"][0];
+  const auto names = mesh["extras"]["targetNames"].get<std::vector<std::string>>();
+  EXPECT_EQ(names.size(), mesh["primitives"][0]["targets"].size());
+  EXPECT_EQ(names, made.morphs.names);
+  EXPECT_EQ(names[0], "Frames1_Way1");
+  EXPECT_EQ(std::count(names.begin(), names.end(), "Frames2_Base"), 1);
+  EXPECT_EQ(std::set<std::string>(names.begin(), names.end()).size(), names.size());
+  // A target with Base in its name is what the frames of its group start from: its weight is 0 or 1.
+  for (std::size_t k = 0; k < names.size(); ++k)
+    if (names[k].ends_with("_Base"))
+      for (Eigen::Index t = 0; t < made.morphs.weights.rows(); ++t) {
+        const double weight = made.morphs.weights(t, static_cast<Eigen::Index>(k));
+        EXPECT_TRUE(weight == 0.0 || weight == 1.0) << names[k] << " " << weight;
+      }
+  export_glb(folder / "b.glb", actor, waving_clip(actor, 5, 0.0), 0);
+  EXPECT_FALSE(GltfPose(folder / "b.glb").json["meshes"][0].contains("extras"));
+}
+
+TEST(WriteGlb, PartsOfAClipAreAnimationsThatShareTheSkin) {
+  const TemporaryFolder folder;
+  const Character& actor = test_actor();
+  FigureClip clip = waving_clip(actor, 40, 0.03);
+  clip.parts = {{"walk", 0, 26, 25.0}, {"run", 26, 13, 50.0}, {"stand", 39, 1, 25.0}};
+  const Exported made = export_glb(folder / "a.glb", actor, clip, 8);
+  const GltfPose file(folder / "a.glb");
+  ASSERT_EQ(file.json["animations"].size(), 3U);
+  EXPECT_EQ(file.json["skins"].size(), 1U);
+  EXPECT_EQ(file.json["meshes"].size(), 1U);
+  const auto index = file.rows(file.primitive()["attributes"]["_VERTEX"].get<int>());
+  for (std::size_t a = 0; a < clip.parts.size(); ++a) {
+    const ClipPart& part = clip.parts[a];
+    EXPECT_EQ(file.json["animations"][a]["name"], part.name);
+    double end = 0.0;
+    for (const auto& sampler : file.json["animations"][a]["samplers"]) {
+      const auto times = file.rows(sampler["input"].get<int>());
+      EXPECT_EQ(times.front()[0], 0.0);
+      end = std::max(end, times.back()[0]);
+    }
+    EXPECT_NEAR(end, (part.frames - 1) / part.frames_per_second, 1e-6);
+    for (int t = 0; t < part.frames; ++t) {
+      const auto found = file.vertices(t / part.frames_per_second, a);
+      const std::vector<float>& wanted = clip.vertices[static_cast<std::size_t>(part.first + t)];
+      double worst = 0.0;
+      for (std::size_t i = 0; i < found.size(); ++i) {
+        const float* at = &wanted[3 * static_cast<std::size_t>(index[i][0])];
+        worst = std::max(worst, 1000.0 * (found[i] - Eigen::Vector3d(at[0], at[1], at[2])).norm());
+      }
+      EXPECT_LT(worst, made.error.worst + 0.05) << part.name << " " << t;
+    }
+  }
+  EXPECT_LT(made.error.worst, 8.0);
 }
 
 FigureClip repeated(const FigureClip& clip, int times) {

@@ -7,8 +7,10 @@
 #include <sys/time.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "doppel/core/error.h"
 #include "doppel/io/vmc/vmc_sender.h"
@@ -49,21 +51,20 @@ std::map<std::string, Eigen::Vector3d> positions(const std::vector<VmcBone>& bon
 
 TEST(VmcAvatarAgrees, JointsThatAReceiverRebuildsAreThoseOfThePose) {
   const VmcAvatar avatar(person());
-  const Figure figure = make_figure(person(), BoneNames::vrm);
+  const Figure figure = make_figure(person(), BoneNames::unity);
   for (const double phase : {0.0, 1.0, 2.0}) {
     const std::vector<double> dofs = some_pose(phase);
     const auto found = positions(avatar.bones(dofs));
     const auto posed = pose_nodes(figure, person().skeleton, dofs);
     int compared = 0;
     for (std::size_t n = 0; n < figure.nodes.size(); ++n) {
-      std::string name = figure.nodes[n].name;
-      name[0] = static_cast<char>(std::toupper(name[0]));
+      const std::string& name = figure.nodes[n].name;
       const auto it = found.find(name);
       if (it == found.end()) continue;
       EXPECT_LT((it->second - posed[n].translation()).norm(), 1e-4) << name;
       ++compared;
     }
-    EXPECT_GE(compared, 15);
+    EXPECT_GE(compared, 50);
   }
 }
 
@@ -75,6 +76,55 @@ TEST(VmcAvatarBehaves, WithoutRotationsTheAvatarStandsInATPose) {
   EXPECT_NEAR(found.at("LeftHand").z(), found.at("LeftUpperArm").z(), 1e-6);
   EXPECT_GT(found.at("LeftHand").x(), found.at("RightHand").x() + 0.8);
   EXPECT_NEAR(found.at("RightFoot").x(), found.at("RightUpperLeg").x(), 1e-6);
+  // Fingers lie along the arm. The thumb, beside the hand, does not.
+  for (const char* finger : {"Index", "Middle", "Ring", "Little"}) {
+    const Eigen::Vector3d first = found.at(std::string("Right") + finger + "Proximal"),
+                          last = found.at(std::string("Right") + finger + "Distal");
+    EXPECT_LT((last - first).normalized().x(), -1.0 + 1e-9) << finger;
+  }
+  EXPECT_GT((found.at("LeftThumbDistal") - found.at("LeftThumbProximal")).normalized().z(), 0.2);
+}
+
+/// HumanBodyBones of Unity, without eyes and jaw.
+std::set<std::string> human_body_bones() {
+  std::set<std::string> names{"Hips", "Spine", "Chest", "UpperChest", "Neck", "Head"};
+  for (const std::string side : {"Left", "Right"}) {
+    for (const char* part : {"UpperLeg", "LowerLeg", "Foot", "Shoulder", "UpperArm", "LowerArm", "Hand", "Toes"})
+      names.insert(side + part);
+    for (const char* finger : {"Thumb", "Index", "Middle", "Ring", "Little"})
+      for (const char* bone : {"Proximal", "Intermediate", "Distal"}) names.insert(side + finger + bone);
+  }
+  return names;
+}
+
+TEST(VmcAvatarAgrees, BonesHaveTheNamesOfUnity) {
+  const std::set<std::string> known = human_body_bones();
+  std::set<std::string> sent;
+  for (const VmcBone& bone : VmcAvatar(person()).bones(person().rest_dofs)) {
+    EXPECT_TRUE(known.contains(bone.name)) << bone.name;
+    EXPECT_TRUE(sent.insert(bone.name).second) << bone.name;
+  }
+  EXPECT_GE(sent.size(), 50U);
+}
+
+TEST(VmcAvatarAgrees, EachBoneOfAFingerIsThatOfUnity) {
+  // Unity calls the three bones of a thumb as those of the other fingers; VRM 1.0 starts with the metacarpal.
+  const std::map<std::string, std::string> own{
+      {"LeftThumbProximal", "LeftHandThumb1"},       {"LeftThumbIntermediate", "LeftHandThumb2"},
+      {"LeftThumbDistal", "LeftHandThumb3"},         {"RightIndexProximal", "RightHandIndex1"},
+      {"RightIndexIntermediate", "RightHandIndex2"}, {"RightLittleDistal", "RightHandPinky3"}};
+  const Figure figure = make_figure(person(), BoneNames::skeletool);
+  const std::vector<double> dofs = some_pose(0.5);
+  const auto found = positions(VmcAvatar(person()).bones(dofs));
+  const auto posed = pose_nodes(figure, person().skeleton, dofs);
+  for (const auto& [unity, name] : own) {
+    const auto node = std::find_if(figure.nodes.begin(), figure.nodes.end(),
+                                   [&name = name](const FigureNode& other) { return other.name == name; });
+    ASSERT_NE(node, figure.nodes.end()) << name;
+    EXPECT_LT((found.at(unity) - posed[static_cast<std::size_t>(node - figure.nodes.begin())].translation()).norm(),
+              1e-4)
+        << unity;
+  }
 }
 
 /// A UDP port of this machine that waits for packets.
