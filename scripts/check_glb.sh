@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Checks .glb files of `doppel animate --format npy,glb`: no error or warning of Khronos's glTF validator, and three.js in
-# a browser moves the vertices as vertices.npy says; with camera.json beside the file, it draws the same images
-# (tests/web/check_glb.mjs).
-#   scripts/check_glb.sh FILE.glb ...      exit code 77: node, npm or chromium is missing, or npm reaches no registry
+# Checks files of `doppel animate --format npy,glb,fbx,pc2`: no error or warning of Khronos's glTF validator in a .glb,
+# and three.js in a browser moves the vertices as vertices.npy says; with camera.json beside the file, it draws the same
+# images (tests/web/check_glb.mjs).
+#   scripts/check_glb.sh FILE ...          exit code 77: node, npm or chromium is missing, or npm reaches no registry
 set -euo pipefail
 [ $# -ge 1 ] || { sed -n '2,5s/^# //p' "$0" >&2; exit 2; }
 files=()

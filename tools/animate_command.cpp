@@ -467,6 +467,7 @@ FigureOptions figure_options(const AnimateOptions& options, double fps, const st
   FigureOptions figure;
   figure.glb = options.wants("glb");
   figure.usda = options.wants("usda");
+  figure.fbx = options.wants("fbx");
   figure.pc2 = options.wants("pc2");
   figure.mdd = options.wants("mdd");
   figure.frames_per_second = fps;
@@ -493,7 +494,7 @@ std::unique_ptr<SequenceWriter> rig_writer(const AnimateOptions& options, const 
 
 /// What the files with bones lost.
 struct FileReports {
-  FigureReport figure;
+  FigureReport figure, fbx;
   SplatRigReport rig;
 };
 
@@ -505,8 +506,8 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
   const std::vector<ClipPart> parts = parts_of(clips);
   std::vector<std::unique_ptr<SequenceWriter>> writers;
   const FigureOptions files = figure_options(options, frames.per_second, parts);
-  if (files.glb || files.usda || files.pc2 || files.mdd)
-    writers.push_back(make_figure_writer(options.out, character, files, reports.figure));
+  if (files.glb || files.usda || files.fbx || files.pc2 || files.mdd)
+    writers.push_back(make_figure_writer(options.out, character, files, reports.figure, reports.fbx));
   if (options.wants("npy")) writers.push_back(make_npy_writer(options.out, character.num_vertices()));
   if (options.wants("obj")) writers.push_back(make_obj_writer(options.out, character));
   if (options.wants("texture")) {
@@ -601,10 +602,14 @@ void warn_of_targets(const FigureReport& figure, std::optional<int> chosen) {
 /// A line for each file with bones.
 std::string files_text(const AnimateOptions& options, const FileReports& reports) {
   std::string text;
-  const FigureReport &figure = reports.figure, &rig = reports.rig.figure;
-  if (options.wants("glb"))
-    text += fmt::format("animation.glb: {} bones, {}; vertices off by {:.2f} mm on average, {:.1f} mm at most\n",
-                        figure.nodes, targets_text(figure), figure.mean_error_mm, figure.worst_error_mm);
+  const FigureReport& rig = reports.rig.figure;
+  const auto figure_text = [&](const char* format, const FigureReport& figure) {
+    if (options.wants(format))
+      text += fmt::format("animation.{}: {} bones, {}; vertices off by {:.2f} mm on average, {:.1f} mm at most\n",
+                          format, figure.nodes, targets_text(figure), figure.mean_error_mm, figure.worst_error_mm);
+  };
+  figure_text("glb", reports.figure);
+  figure_text("fbx", reports.fbx);
   if (options.wants("splat-rig"))
     text +=
         fmt::format("splats_rig.glb: {} bones, {} Gaussians; centres off by {:.2f} mm on average, {:.1f} mm at most\n",
@@ -667,6 +672,7 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
                  {"out", options.out}});
   warn_of_targets(reports.figure, options.morphs);
   if (options.wants("glb")) report["glb"] = figure_json(reports.figure);
+  if (options.wants("fbx")) report["fbx"] = figure_json(reports.fbx);
   if (options.wants("splat-rig")) report["splat_rig"] = rig_json(reports.rig);
   if (common.json) {
     std::cout << report << "\n";
@@ -764,7 +770,7 @@ void add_image_options(CLI::App& app, AnimateOptions& options) {
 }
 
 void add_figure_options(CLI::App& app, AnimateOptions& options) {
-  app.option_defaults()->group("Figure (--format glb, usda, splat-rig, bvh)");
+  app.option_defaults()->group("Figure (--format glb, fbx, usda, splat-rig, bvh)");
   app.add_option(
          "--names", options.names,
          "Names of the bones: the character's own (skeletool), Mixamo's, VRM's, Unity's (HumanBodyBones) or those of "
@@ -791,13 +797,12 @@ void add_figure_options(CLI::App& app, AnimateOptions& options) {
 Command add_animate(CLI::App& program) {
   auto options = std::make_shared<AnimateOptions>();
   CLI::App* app = program.add_subcommand("animate", "Drive a character with a motion: vertices, meshes, images, video");
-  app->add_option(
-         "--format", options->formats,
-         "npy, obj, mp4, png, motion, bvh, glb, usda, pc2, mdd, texture, ply, splat-glb, splat-rig, or several with "
-         "commas")
+  app->add_option("--format", options->formats,
+                  "npy, obj, mp4, png, motion, bvh, glb, fbx, usda, pc2, mdd, texture, ply, splat-glb, splat-rig, or "
+                  "several with commas")
       ->delimiter(',')
-      ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "usda", "pc2", "mdd", "texture", "ply",
-                             "splat-glb", "splat-rig"}))
+      ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "fbx", "usda", "pc2", "mdd", "texture",
+                             "ply", "splat-glb", "splat-rig"}))
       ->capture_default_str();
   app->add_option("--out", options->out, "The folder to write into")->required();
   const std::string usual_group = app->option_defaults()->get_group();

@@ -2,14 +2,13 @@
 #include "support/fbx_writer.h"
 #include "support/gltf_writer.h"
 #include "support/onnx_file.h"
+#include "support/scan_files.h"
 
 namespace doppel::fuzz {
 
 namespace {
 
 namespace wire = support::wire;
-using support::FbxBinaryWriter;
-using support::FbxNode;
 using support::GltfWriter;
 using Json = GltfWriter::Json;
 
@@ -91,8 +90,7 @@ void add_fbx(std::vector<Regression>& all) {
                  })});
   FbxNode bomb = support::fbx_arm();
   for (int i = 0; i < 60; ++i) bomb.children.push_back({"Zeros", {std::vector<std::int32_t>(200'000, 0)}, {}});
-  all.push_back(
-      {"fbx_binary", "compressed zeros took a thousand times the file", FbxBinaryWriter(7400, true).file(bomb)});
+  all.push_back({"fbx_binary", "compressed zeros took a thousand times the file", fbx_binary(bomb, 7400, true)});
 }
 
 void add_character(std::vector<Regression>& all) {

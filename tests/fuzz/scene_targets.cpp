@@ -14,7 +14,6 @@ namespace doppel::fuzz {
 namespace {
 
 using support::coloured_box;
-using support::FbxBinaryWriter;
 using support::GltfWriter;
 using support::PlyForm;
 using support::PlyUvs;
@@ -119,10 +118,9 @@ FuzzTarget gltf_target(bool binary) {
 
 FuzzTarget fbx_target(bool binary) {
   FuzzTarget target{binary ? "fbx_binary" : "fbx_text", read_as<kFbx>, {}, {}};
-  const support::FbxNode arm = support::fbx_arm();
+  const FbxNode arm = support::fbx_arm();
   if (binary)
-    target.seeds = {FbxBinaryWriter(7400, false).file(arm), FbxBinaryWriter(7500, false).file(arm),
-                    FbxBinaryWriter(7400, true).file(arm)};
+    target.seeds = {fbx_binary(arm, 7400, false), fbx_binary(arm, 7500, false), fbx_binary(arm, 7400, true)};
   else
     target.seeds = {support::fbx_text(arm)};
   target.dictionary = {"C: \"OO\",1,1\n",

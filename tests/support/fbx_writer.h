@@ -1,27 +1,18 @@
 #pragma once
 
 #include <fmt/format.h>
-#include <zlib.h>
 
 #include <cstdint>
-#include <cstring>
 #include <string>
 #include <utility>
 #include <variant>
 #include <vector>
 
-#include "support/scan_files.h"
+#include "doppel/io/figure_export/fbx_records.h"
 
-/// FBX files, written as the format says: records with values, as text or as bytes. Independent of the reader.
+/// FBX files, written as the format says: records with values, as text; `fbx_binary` writes them as bytes. Independent
+/// of the reader.
 namespace doppel::support {
-
-struct FbxNode {
-  using Value = std::variant<std::int64_t, double, std::string, std::vector<double>, std::vector<std::int32_t>,
-                             std::vector<std::int64_t>>;
-  std::string name;
-  std::vector<Value> values;
-  std::vector<FbxNode> children;
-};
 
 inline FbxNode fbx_property70(const std::string& name, std::vector<double> numbers) {
   FbxNode property{"P", {name, std::string("type"), std::string(), std::string("A")}, {}};
@@ -31,7 +22,7 @@ inline FbxNode fbx_property70(const std::string& name, std::vector<double> numbe
 
 inline FbxNode fbx_object(const std::string& kind, std::int64_t id, const std::string& name, const std::string& type,
                           std::vector<FbxNode> children) {
-  return {kind, {id, kind + "::" + name, type}, std::move(children)};
+  return {kind, {id, fbx_object_name(name, kind), type}, std::move(children)};
 }
 
 template <typename List>
@@ -39,18 +30,31 @@ std::string fbx_list_text(const List& list) {
   return fmt::format("*{} {{ a: {} }}", list.size(), fmt::join(list, ","));
 }
 
+/// `name\0\1Kind` is written as `Kind::name`.
+inline std::string fbx_word_text(const std::string& word) {
+  const std::size_t mark = word.find(std::string("\0\1", 2));
+  if (mark == std::string::npos) return '"' + word + '"';
+  return '"' + word.substr(mark + 2) + "::" + word.substr(0, mark) + '"';
+}
+
+/// A value as text; raw bytes have no text here.
+struct FbxValueText {
+  std::string operator()(const std::string& word) const { return fbx_word_text(word); }
+  std::string operator()(const FbxBytes&) const { return "\"\""; }
+  template <typename T>
+  std::string operator()(const std::vector<T>& list) const {
+    return fbx_list_text(list);
+  }
+  template <typename T>
+  std::string operator()(T number) const {
+    return fmt::format("{}", number);
+  }
+};
+
 inline std::string fbx_record_text(const FbxNode& node, const std::string& indent = "") {
   std::string text = indent + node.name + ":";
-  for (std::size_t i = 0; i < node.values.size(); ++i) {
-    text += i == 0 ? " " : ", ";
-    const auto& value = node.values[i];
-    if (const auto* whole = std::get_if<std::int64_t>(&value)) text += fmt::format("{}", *whole);
-    if (const auto* real = std::get_if<double>(&value)) text += fmt::format("{}", *real);
-    if (const auto* word = std::get_if<std::string>(&value)) text += '"' + *word + '"';
-    if (const auto* reals = std::get_if<std::vector<double>>(&value)) text += fbx_list_text(*reals);
-    if (const auto* wholes = std::get_if<std::vector<std::int32_t>>(&value)) text += fbx_list_text(*wholes);
-    if (const auto* longs = std::get_if<std::vector<std::int64_t>>(&value)) text += fbx_list_text(*longs);
-  }
+  for (std::size_t i = 0; i < node.values.size(); ++i)
+    text += (i == 0 ? " " : ", ") + std::visit(FbxValueText(), node.values[i]);
   if (node.children.empty()) return text + "\n";
   text += " {\n";
   for (const FbxNode& child : node.children) text += fbx_record_text(child, indent + "  ");
@@ -63,72 +67,6 @@ inline std::string fbx_text(const FbxNode& root) {
   for (const FbxNode& child : root.children) text += fbx_record_text(child);
   return text;
 }
-
-/// The binary form of version 7.4 (lengths of 32 bits) or 7.5 (64 bits).
-class FbxBinaryWriter {
- public:
-  FbxBinaryWriter(int version, bool compressed) : version_(version), compressed_(compressed) {}
-
-  std::string file(const FbxNode& root) {
-    file_ = std::string("Kaydara FBX Binary  \0\x1a\0", 23);
-    append_bytes(file_, static_cast<std::uint32_t>(version_));
-    for (const FbxNode& child : root.children) record(child);
-    file_.append(empty_record(), '\0');
-    return file_;
-  }
-
- private:
-  std::size_t width() const { return version_ >= 7500 ? 8 : 4; }
-  std::size_t empty_record() const { return 3 * width() + 1; }
-  void put_length(std::size_t at, std::size_t value) { std::memcpy(file_.data() + at, &value, width()); }
-
-  void record(const FbxNode& node) {
-    const std::size_t start = file_.size();
-    file_.append(3 * width(), '\0');
-    file_ += static_cast<char>(node.name.size());
-    file_ += node.name;
-    const std::size_t first = file_.size();
-    for (const FbxNode::Value& value : node.values) std::visit([this](const auto& v) { put(v); }, value);
-    put_length(start + width(), node.values.size());
-    put_length(start + 2 * width(), file_.size() - first);
-    for (const FbxNode& child : node.children) record(child);
-    if (!node.children.empty()) file_.append(empty_record(), '\0');
-    put_length(start, file_.size());
-  }
-  void put(std::int64_t value) { append_bytes(file_ += 'L', value); }
-  void put(double value) { append_bytes(file_ += 'D', value); }
-  void put(const std::string& value) {
-    // `Kind::name` is written as `name\0\1Kind`.
-    std::string text = value;
-    if (const std::size_t colons = value.find("::"); colons != std::string::npos)
-      text = value.substr(colons + 2) + std::string("\0\1", 2) + value.substr(0, colons);
-    append_bytes(file_ += 'S', static_cast<std::uint32_t>(text.size()));
-    file_ += text;
-  }
-  void put(const std::vector<double>& values) { list('d', values); }
-  void put(const std::vector<std::int32_t>& values) { list('i', values); }
-  void put(const std::vector<std::int64_t>& values) { list('l', values); }
-
-  template <typename T>
-  void list(char type, const std::vector<T>& values) {
-    std::string data(reinterpret_cast<const char*>(values.data()), sizeof(T) * values.size());
-    if (compressed_) {
-      uLongf size = compressBound(data.size());
-      std::string packed(size, '\0');
-      compress(reinterpret_cast<Bytef*>(packed.data()), &size, reinterpret_cast<const Bytef*>(data.data()),
-               data.size());
-      data = packed.substr(0, size);
-    }
-    append_bytes(file_ += type, static_cast<std::uint32_t>(values.size()));
-    append_bytes(file_, static_cast<std::uint32_t>(compressed_));
-    append_bytes(file_, static_cast<std::uint32_t>(data.size()));
-    file_ += data;
-  }
-
-  int version_;
-  bool compressed_;
-  std::string file_;
-};
 
 /// An arm of two joints as in bending_arm (gltf_writer.h), in centimetres: 6 vertices, a quad and a triangle with UVs,
 /// a skin, one material, and the animation `bend` of `lower` by 90 degrees about z within a second.

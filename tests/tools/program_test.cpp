@@ -632,13 +632,15 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   const std::string play = "animate --character " + character_file(at("capture/character"), ".character") +
                            " --motion " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") + " --loop --json ";
   const Outcome figure =
-      run(play + "--model " + at("chain/actor.pt") + " --format glb,usda,pc2,mdd,texture --out " + at("figure"));
+      run(play + "--model " + at("chain/actor.pt") + " --format glb,fbx,usda,pc2,mdd,texture --out " + at("figure"));
   ASSERT_EQ(figure.code, 0) << figure.err;
-  const nlohmann::json glb = nlohmann::json::parse(figure.out)["glb"];
-  EXPECT_LT(glb["mean_error_mm"].get<double>(), 2.0);
-  EXPECT_LT(glb["worst_error_mm"].get<double>(), 8.0);
-  for (const char* name : {"animation.glb", "animation.usda", "animation_skel.usda", "animation.png", "animation.pc2",
-                           "animation.mdd", "animation.obj", "texture_000000.png"})
+  const nlohmann::json written = nlohmann::json::parse(figure.out);
+  for (const char* format : {"glb", "fbx"}) {
+    EXPECT_LT(written[format]["mean_error_mm"].get<double>(), 2.0) << format;
+    EXPECT_LT(written[format]["worst_error_mm"].get<double>(), 8.0) << format;
+  }
+  for (const char* name : {"animation.glb", "animation.fbx", "animation.usda", "animation_skel.usda", "animation.png",
+                           "animation.pc2", "animation.mdd", "animation.obj", "texture_000000.png"})
     EXPECT_TRUE(std::filesystem::exists(at(std::string("figure/") + name))) << name;
   EXPECT_NE(cv::norm(cv::imread(at("figure/texture_000000.png")), cv::imread(at("figure/texture_000005.png"))), 0.0);
   EXPECT_EQ(run(play + "--format texture --out " + at("none")).code, 2);

@@ -1,10 +1,12 @@
-// Checks .glb files of `doppel animate`: the validator of Khronos finds no error and no warning, and three.js in a
-// browser moves the vertices as `vertices.npy` beside the file says. Where `camera.json` lies beside it, a camera
-// that looks along -z with its principal point in the middle (tests/web/camera.json is one), the pictures of three.js with
-// the texture and without light are compared with those of `--format png --camera camera.json --background #00ff00`.
-//   node check_glb.mjs FILE.glb ...        exit code 1: a file fails
+// Checks .glb and .fbx files of `doppel animate`: the validator of Khronos finds no error and no warning in a .glb, and
+// three.js in a browser moves the vertices as `vertices.npy` beside the file says. An .fbx needs the faces of
+// `animation.obj` (--format pc2), since three.js keeps only the corners of faces. Where `camera.json` lies beside the
+// file, a camera that looks along -z with its principal point in the middle (tests/web/camera.json is one), the images
+// of three.js with the texture and without light are compared with those of `--format png --camera camera.json
+// --background #00ff00`.
+//   node check_glb.mjs FILE ...        exit code 1: a file fails
 import { existsSync, readFileSync } from 'node:fs';
-import { dirname, join } from 'node:path';
+import { dirname, extname, join } from 'node:path';
 import { launch, open, serve } from './browser.mjs';
 import { readNpy } from './npy.mjs';
 import { kWebGl } from './page_checks.mjs';
@@ -16,27 +18,37 @@ const page_text = `<!doctype html><script type="importmap">{"imports": {
   "three": "/modules/three/build/three.module.js", "three/addons/": "/modules/three/examples/jsm/"}}</script>
 <script type="module">
 import * as THREE from 'three';
+import { FBXLoader } from 'three/addons/loaders/FBXLoader.js';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
-window.load = async () => {
-  const gltf = await new GLTFLoader().loadAsync('/file.glb');
-  const mixer = new THREE.AnimationMixer(gltf.scene);
-  const action = mixer.clipAction(gltf.animations[0]);
+const loadGlb = async () => new GLTFLoader().loadAsync('/file.glb');
+const loadFbx = async () => {
+  const manager = new THREE.LoadingManager();
+  const complete = new Promise((done) => { manager.onLoad = done; });  // with the texture
+  const group = await new FBXLoader(manager).loadAsync('/file.fbx');
+  await complete;
+  group.scale.setScalar(0.01 * group.userData.unitScaleFactor);  // the unit of FBX is the centimetre
+  return { scene: new THREE.Group().add(group), animations: group.animations };
+};
+window.load = async (kind) => {
+  const file = await (kind === '.fbx' ? loadFbx() : loadGlb());
+  const mixer = new THREE.AnimationMixer(file.scene);
+  const action = mixer.clipAction(file.animations[0]);
   action.setLoop(THREE.LoopOnce);
   action.clampWhenFinished = true;
   action.play();
   window.mesh = null;
-  gltf.scene.traverse((node) => { if (node.isSkinnedMesh) window.mesh = node; });
-  window.scene = gltf.scene;
+  file.scene.traverse((node) => { if (node.isSkinnedMesh) window.mesh = node; });
+  window.scene = file.scene;
   window.mixer = mixer;
-  return { duration: gltf.animations[0].duration, textured: Boolean(window.mesh.material.map) };
+  return { duration: file.animations[0].duration, textured: Boolean(window.mesh.material.map) };
 };
 window.pose = (seconds) => {
   window.mixer.setTime(seconds);
   window.scene.updateMatrixWorld(true);
-  const index = window.mesh.geometry.getAttribute('_vertex'), point = new THREE.Vector3(), found = [];
-  for (let i = 0; i < index.count; ++i) {
+  const { position, _vertex: index } = window.mesh.geometry.attributes, point = new THREE.Vector3(), found = [];
+  for (let i = 0; i < position.count; ++i) {
     window.mesh.getVertexPosition(i, point).applyMatrix4(window.mesh.matrixWorld);
-    found.push([index.getX(i), point.x, point.y, point.z]);
+    found.push([index ? index.getX(i) : i, point.x, point.y, point.z]);
   }
   return found;
 };
@@ -80,20 +92,25 @@ window.difference = async (view, url) => {
 window.ready = true;
 </script>`;
 
+// The vertex of each corner of the faces of an .obj file.
+const corners = (path) => readFileSync(path, 'utf8').split('\n').filter((line) => line.startsWith('f '))
+  .flatMap((line) => line.trim().split(/\s+/).slice(1).map((corner) => parseInt(corner) - 1));
+
 async function compare(browser, path) {
+  const kind = extname(path), vertex = kind === '.fbx' ? corners(join(dirname(path), 'animation.obj')) : null;
   const truth = readNpy(join(dirname(path), 'vertices.npy')), [frames, vertices] = truth.shape;
   const camera_file = join(dirname(path), 'camera.json');
   const camera = existsSync(camera_file) ? JSON.parse(readFileSync(camera_file)).cam0 : null;
   const picture = (frame) => `camera_0_${String(frame).padStart(6, '0')}.png`;
-  const server = await serve(page_text, (url) => (url === '/file.glb' ? path : join(dirname(path), url)));
+  const server = await serve(page_text, (url) => (url === `/file${kind}` ? path : join(dirname(path), url)));
   const { page, complaints } = await open(browser, server);
   await page.waitForFunction(() => window.ready);
-  const { duration, textured } = await page.evaluate(() => window.load());
+  const { duration, textured } = await page.evaluate((k) => window.load(k), kind);
   let sum = 0, count = 0, worst = 0, cover = 1, colour = 0;
   for (let i = 0; i < kFrames; ++i) {
     const frame = Math.round((i * (frames - 1)) / (kFrames - 1));
     for (const [v, x, y, z] of await page.evaluate((s) => window.pose(s), (duration * frame) / (frames - 1))) {
-      const at = 3 * (frame * vertices + v);
+      const at = 3 * (frame * vertices + (vertex ? vertex[v] : v));
       const off = 1000 * Math.hypot(x - truth.values[at], y - truth.values[at + 1], z - truth.values[at + 2]);
       sum += off, count += 1, worst = Math.max(worst, off);
     }
@@ -114,7 +131,7 @@ async function compare(browser, path) {
 const browser = await launch(...kWebGl);
 let good = true;
 for (const path of process.argv.slice(2)) {
-  good = (await validate(path)) && good;
+  if (extname(path) === '.glb') good = (await validate(path)) && good;
   good = (await compare(browser, path)) && good;
 }
 await browser.close();

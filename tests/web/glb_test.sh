@@ -5,8 +5,8 @@ here="$(cd "$(dirname "$0")" && pwd)"
 folder="$(mktemp -d)"
 trap 'rm -rf "$folder"' EXIT
 "$1" synth --preset tiny --out "$folder/capture" >/dev/null 2>&1
-"$1" animate --character "$folder"/capture/character/*.character --format npy,glb,png --loop --out "$folder/walk" \
-  --camera "$here/camera.json" --background '#00ff00' \
+"$1" animate --character "$folder"/capture/character/*.character --format npy,glb,fbx,pc2,png --loop \
+  --out "$folder/walk" --camera "$here/camera.json" --background '#00ff00' \
   --motion "$folder/capture/testing/skeletoolToGTPose/poseAngles.motion" >/dev/null 2>&1
 cp "$here/camera.json" "$folder/walk"
-"$here/../../scripts/check_glb.sh" "$folder/walk/animation.glb"
+"$here/../../scripts/check_glb.sh" "$folder/walk/animation.glb" "$folder/walk/animation.fbx"

@@ -9,8 +9,8 @@ namespace {
 class FigureWriter : public SequenceWriter {
  public:
   FigureWriter(const std::filesystem::path& folder, const Character& character, const FigureOptions& options,
-               FigureReport& report)
-      : folder_(folder), character_(character), options_(options), report_(report) {
+               FigureReport& report, FigureReport& fbx_report)
+      : folder_(folder), character_(character), options_(options), report_(report), fbx_report_(fbx_report) {
     clip_.frames_per_second = options.frames_per_second;
     clip_.parts = options.parts;
     // Names that do not fit are refused before the first frame.
@@ -21,7 +21,7 @@ class FigureWriter : public SequenceWriter {
   void write(const PosedFrame& frame) override { append_frame(clip_, frame); }
   void close() override {
     const FigureFile file{character_.name, character_.mesh, clip_, options_.rights};
-    if (options_.glb || options_.usda) write_skinned(file);
+    if (options_.glb || options_.usda || options_.fbx) write_skinned(file);
     if (options_.usda) write_usda(folder_ / "animation.usda", file);
     if (options_.pc2 || options_.mdd) write_obj(folder_ / "animation.obj", character_.mesh, 1.0);
     if (options_.pc2) write_pc2(folder_ / "animation.pc2", clip_);
@@ -32,23 +32,38 @@ class FigureWriter : public SequenceWriter {
   void write_skinned(const FigureFile& file) {
     const MorphTargets morphs = fit_morphs(figure_, character_.skeleton, clip_, options_.morphs);
     const FigureTracks tracks = thin_tracks(figure_, character_.skeleton, clip_, morphs, options_.tolerance);
-    const FigureError error = figure_error(figure_, clip_, morphs, tracks);
-    report_.nodes = static_cast<int>(figure_.nodes.size());
-    report_.morphs = morphs.count();
-    report_.morphs_at_once = morphs.at_once;
-    report_.morphs_exhausted = morphs.exhausted;
-    report_.keys = tracks.num_keys();
-    report_.mean_error_mm = error.mean;
-    report_.worst_error_mm = error.worst;
-    report_.largest_dropped_weight = figure_.largest_dropped_weight;
+    report_ = report_of(morphs, tracks, tracks.num_keys());
     if (options_.glb) write_glb(folder_ / "animation.glb", file, figure_, morphs, tracks);
+    if (options_.fbx) write_with_angles(file, morphs, tracks);
     if (options_.usda) write_usda_skel(folder_ / "animation_skel.usda", file, figure_, morphs, tracks, "animation.png");
+  }
+
+  void write_with_angles(const FigureFile& file, const MorphTargets& morphs, const FigureTracks& tracks) {
+    const auto turns = euler_tracks(figure_, tracks, options_.tolerance);
+    std::size_t keys = tracks.num_keys();
+    for (std::size_t i = 0; i < turns.size(); ++i) keys += turns[i].frames.size() - tracks.rotation_keys[i].size();
+    fbx_report_ = report_of(morphs, with_euler_rotations(figure_, tracks, turns), keys);
+    write_fbx(folder_ / "animation.fbx", file, figure_, morphs, tracks, turns);
+  }
+
+  FigureReport report_of(const MorphTargets& morphs, const FigureTracks& tracks, std::size_t keys) const {
+    const FigureError error = figure_error(figure_, clip_, morphs, tracks);
+    FigureReport report;
+    report.nodes = static_cast<int>(figure_.nodes.size());
+    report.morphs = morphs.count();
+    report.morphs_at_once = morphs.at_once;
+    report.morphs_exhausted = morphs.exhausted;
+    report.keys = keys;
+    report.mean_error_mm = error.mean;
+    report.worst_error_mm = error.worst;
+    report.largest_dropped_weight = figure_.largest_dropped_weight;
+    return report;
   }
 
   std::filesystem::path folder_;
   const Character& character_;
   FigureOptions options_;
-  FigureReport& report_;
+  FigureReport &report_, &fbx_report_;
   Figure figure_;
   FigureClip clip_;
 };
@@ -62,8 +77,9 @@ void append_frame(FigureClip& clip, const PosedFrame& frame) {
 }
 
 std::unique_ptr<SequenceWriter> make_figure_writer(const std::filesystem::path& folder, const Character& character,
-                                                   const FigureOptions& options, FigureReport& report) {
-  return std::make_unique<FigureWriter>(folder, character, options, report);
+                                                   const FigureOptions& options, FigureReport& report,
+                                                   FigureReport& fbx_report) {
+  return std::make_unique<FigureWriter>(folder, character, options, report, fbx_report);
 }
 
 }  // namespace doppel

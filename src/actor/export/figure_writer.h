@@ -12,7 +12,7 @@ namespace doppel {
 
 /// How an animated figure is written for other programs.
 struct FigureOptions {
-  bool glb = false, usda = false, pc2 = false, mdd = false;  ///< the files to write
+  bool glb = false, usda = false, fbx = false, pc2 = false, mdd = false;  ///< the files to write
   double frames_per_second = 25.0;
   BoneNames names = BoneNames::skeletool;
   std::optional<int> morphs;  ///< of files with a skin: as for fit_morphs
@@ -36,11 +36,13 @@ struct FigureReport {
 /// Appends the pose and the vertices of a frame to a clip.
 void append_frame(FigureClip& clip, const PosedFrame& frame);
 
-/// `folder/animation.glb`, `.usda` and `animation_skel.usda` (with their texture `animation.png`), `.pc2` and `.mdd`
-/// (with `animation.obj`, whose vertices they move). Holds all frames in memory until `close`, 12 bytes per vertex and
-/// frame.
-/// @param report filled by `close`; must outlive the writer
+/// `folder/animation.glb`, `.fbx`, `.usda` and `animation_skel.usda` (with their texture `animation.png`), `.pc2` and
+/// `.mdd` (with `animation.obj`, whose vertices they move). Holds all frames in memory until `close`, 12 bytes per
+/// vertex and frame.
+/// @param report filled by `close` where files with a skin are asked for; must outlive the writer
+/// @param fbx_report the same of the .fbx, whose rotations have other keys; must outlive the writer
 std::unique_ptr<SequenceWriter> make_figure_writer(const std::filesystem::path& folder, const Character& character,
-                                                   const FigureOptions& options, FigureReport& report);
+                                                   const FigureOptions& options, FigureReport& report,
+                                                   FigureReport& fbx_report);
 
 }  // namespace doppel

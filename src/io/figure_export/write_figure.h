@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "doppel/geometry/mesh.h"
+#include "doppel/io/figure_export/euler_tracks.h"
 #include "doppel/io/figure_export/figure_clip.h"
 
 namespace doppel {
@@ -34,6 +35,15 @@ struct FigureFile {
 /// @throws Error when the file cannot be written, or would be larger than 4 GB; UsageError as vrm_extension
 void write_glb(const std::filesystem::path& path, const FigureFile& file, const Figure& figure,
                const MorphTargets& morphs, const FigureTracks& tracks);
+
+/// Writes a binary FBX file of version 7.4: the mesh with UVs and normals, its skin and bind pose, the morph targets as
+/// blend shapes, the texture as PNG inside of the file, and the animation. Centimetres (UnitScaleFactor 1), y up. The
+/// vertices keep the order of the mesh. Curves are straight between the keys of tracks and turns. The same input gives
+/// the same bytes.
+/// @param turns the rotations of the tracks (euler_tracks); may be empty without frames
+/// @throws Error when the file cannot be written, or would be larger than 4 GB
+void write_fbx(const std::filesystem::path& path, const FigureFile& file, const Figure& figure,
+               const MorphTargets& morphs, const FigureTracks& tracks, const std::vector<EulerTrack>& turns);
 
 /// Writes OpenUSD text: a mesh with points, normals and extent of each frame, its UVs, and a material with the texture,
 /// which is written beside it as `<stem>.png`. Metres, y up.

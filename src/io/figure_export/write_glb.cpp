@@ -5,6 +5,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/io/figure_export/glb_skeleton.h"
+#include "doppel/io/figure_export/surface_normals.h"
 #include "doppel/io/figure_export/vrm.h"
 #include "doppel/io/figure_export/write_figure.h"
 
@@ -45,19 +46,6 @@ std::vector<float> spread(const SplitVertices& split, int width, const Row& row)
   return values;
 }
 
-/// Unit normals of the mesh with the vertices moved; upwards for vertices without area.
-std::vector<Eigen::Vector3d> normals_of(const TriangleMesh& mesh, const Eigen::MatrixX3f* moved) {
-  TriangleMesh copy;
-  copy.vertices = mesh.vertices;
-  copy.faces = mesh.faces;
-  for (std::size_t v = 0; moved && v < copy.vertices.size(); ++v)
-    copy.vertices[v] += moved->row(static_cast<Eigen::Index>(v)).cast<double>().transpose();
-  std::vector<Eigen::Vector3d> normals = vertex_normals(copy);
-  for (Eigen::Vector3d& normal : normals)
-    if (normal.squaredNorm() < 0.5) normal = Eigen::Vector3d::UnitY();
-  return normals;
-}
-
 /// Where programs look for the names of morph targets, which glTF itself does not have.
 tinygltf::Value target_names(const std::vector<std::string>& names) {
   tinygltf::Value::Array list;
@@ -85,7 +73,7 @@ class GlbWriter {
  private:
   void add_mesh() {
     const SplitVertices split = split_vertices(file_.mesh);
-    const auto normals = normals_of(file_.mesh, nullptr);
+    const auto normals = surface_normals(file_.mesh, nullptr);
     tinygltf::Primitive primitive;
     primitive.mode = TINYGLTF_MODE_TRIANGLES;
     primitive.indices = buffer_.indices(split.corners);
@@ -109,7 +97,7 @@ class GlbWriter {
 
   std::map<std::string, int> add_target(const SplitVertices& split, const std::vector<Eigen::Vector3d>& normals,
                                         const Eigen::MatrixX3f& target) {
-    const auto moved = normals_of(file_.mesh, &target);
+    const auto moved = surface_normals(file_.mesh, &target);
     const auto at = [&](std::size_t v, int i) { return target(static_cast<Eigen::Index>(v), i); };
     const auto turn = [&](std::size_t v, int i) { return moved[v][i] - normals[v][i]; };
     return {{"POSITION", buffer_.floats(spread(split, 3, at), 3, true, kVertexTarget)},

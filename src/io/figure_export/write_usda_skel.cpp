@@ -73,15 +73,10 @@ class SkelWriter {
 
  private:
   void write_skeleton(std::ostream& out) const {
-    std::vector<Eigen::Affine3d> local;
-    for (std::size_t i = 0; i < figure_.nodes.size(); ++i) {
-      const int parent = figure_.nodes[i].parent;
-      local.push_back(parent < 0 ? figure_.rest[i] : figure_.rest[parent].inverse() * figure_.rest[i]);
-    }
     out << "    def Skeleton \"Skeleton\" (\n        prepend apiSchemas = [\"SkelBindingAPI\"]\n    )\n    {\n"
         << "        uniform token[] joints = " << tokens(joints_) << "\n"
         << "        uniform matrix4d[] bindTransforms = " << matrices(figure_.rest) << "\n"
-        << "        uniform matrix4d[] restTransforms = " << matrices(local) << "\n"
+        << "        uniform matrix4d[] restTransforms = " << matrices(rest_to_parent(figure_)) << "\n"
         << "        rel skel:animationSource = </" << root_ << "/Animation>\n    }\n\n";
   }
 

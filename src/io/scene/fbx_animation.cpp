@@ -12,8 +12,6 @@ namespace doppel {
 
 namespace {
 
-/// FBX counts time in units of 1 / 46186158000 s, of which every usual frame rate has a whole number.
-constexpr double kTicksPerSecond = 46186158000.0;
 constexpr std::int64_t kConstantKey = 0x2, kCubicKey = 0x8;
 /// Largest angle between two samples of a rotation, degrees: between them the shortest arc replaces the Euler angles.
 constexpr double kMaxTurn = 3.0;
@@ -74,7 +72,7 @@ Curve read_curve(const FbxRecord& record, double fallback) {
   curve.values = values->numbers();
   curve.values.resize(std::min(ticks.size(), curve.values.size()));
   for (std::size_t k = 0; k < curve.values.size(); ++k)
-    curve.times.push_back(static_cast<double>(ticks[k]) / kTicksPerSecond);
+    curve.times.push_back(static_cast<double>(ticks[k]) / kFbxTicksPerSecond);
   read_attributes(record, curve);
   return curve;
 }

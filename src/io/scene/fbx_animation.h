@@ -7,6 +7,9 @@
 
 namespace doppel {
 
+/// FBX counts time in units of 1 / 46186158000 s, of which every usual frame rate has a whole number.
+inline constexpr double kFbxTicksPerSecond = 46186158000.0;
+
 /// The rotation of FBX Euler angles. @param order the property `RotationOrder`: 0 xyz, 1 xzy, 2 yzx, 3 yxz, 4 zxy,
 ///   5 zyx; the first axis is applied first. @param degrees about x, y, z
 Eigen::Quaterniond fbx_rotation(int order, const Eigen::Vector3d& degrees);

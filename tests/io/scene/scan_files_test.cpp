@@ -235,10 +235,9 @@ TEST_F(ScanFiles, ColladaSaysUnitAxisUvsAndMaterial) {
 }
 
 TEST_F(ScanFiles, FbxAsTextAndBytesIsTheSameArm) {
-  const support::FbxNode arm = support::fbx_arm();
-  for (const std::string& content :
-       {support::fbx_text(arm), support::FbxBinaryWriter(7400, false).file(arm),
-        support::FbxBinaryWriter(7500, false).file(arm), support::FbxBinaryWriter(7400, true).file(arm)}) {
+  const FbxNode arm = support::fbx_arm();
+  for (const std::string& content : {support::fbx_text(arm), fbx_binary(arm, 7400, false), fbx_binary(arm, 7500, false),
+                                     fbx_binary(arm, 7400, true)}) {
     const Scene scene = read("arm.fbx", content);
     EXPECT_EQ(scene.metres_per_unit, 0.01);
     EXPECT_EQ(scene.up, 'y');
