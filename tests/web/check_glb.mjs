@@ -17,8 +17,9 @@ const page_text = `<!doctype html><script type="importmap">{"imports": {
 <script type="module">
 import * as THREE from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js';
 window.load = async () => {
-  const gltf = await new GLTFLoader().loadAsync('/file.glb');
+  const gltf = await new GLTFLoader().setMeshoptDecoder(MeshoptDecoder).loadAsync('/file.glb');
   const mixer = new THREE.AnimationMixer(gltf.scene);
   const action = mixer.clipAction(gltf.animations[0]);
   action.setLoop(THREE.LoopOnce);

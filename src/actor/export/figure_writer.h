@@ -6,6 +6,7 @@
 
 #include "doppel/actor/export/animation.h"
 #include "doppel/io/figure_export/figure.h"
+#include "doppel/io/figure_export/figure_clip.h"
 #include "doppel/io/figure_export/write_figure.h"
 
 namespace doppel {
@@ -18,6 +19,7 @@ struct FigureOptions {
   std::optional<int> morphs;  ///< of files with a skin: as for fit_morphs
   FigureRights rights;        ///< of the .glb
   double tolerance = 1e-4;    ///< of files with a skin: error of interpolated keys, metres
+  bool compress = false;      ///< the .glb by EXT_meshopt_compression
 };
 
 /// What was lost on the way into the files with a skin.
@@ -28,6 +30,8 @@ struct FigureReport {
   std::size_t keys = 0;                              ///< of all channels
   double mean_error_mm = 0.0, worst_error_mm = 0.0;  ///< of the vertices, over all frames
   double largest_dropped_weight = 0.0;               ///< of a vertex with more than four bones
+  /// Of a compressed .glb: distance of the vertices from where they are without compression, in all frames.
+  std::optional<FigureError> compression;
 };
 
 /// Appends the pose and the vertices of a frame to a clip.

@@ -16,37 +16,36 @@ void between_keys(const std::vector<int>& keys, const Fill& fill) {
     for (int i = keys[k - 1] + 1; i < keys[k]; ++i) fill(keys[k - 1], keys[k], i);
 }
 
-std::vector<int> thin_rotations(std::vector<Eigen::Quaterniond>& values, double tolerance) {
-  const auto at = [&](int a, int b, int i) { return values[a].slerp(share(a, b, i), values[b]); };
-  const auto keys = key_frames(static_cast<int>(values.size()), tolerance,
-                               [&](int a, int b, int i) { return values[i].angularDistance(at(a, b, i)); });
-  between_keys(keys, [&](int a, int b, int i) { values[i] = at(a, b, i); });
-  return keys;
+Eigen::Quaterniond turn_at(const std::vector<Eigen::Quaterniond>& values, int a, int b, int i) {
+  return values[a].slerp(share(a, b, i), values[b]);
 }
 
-std::vector<int> thin_translations(std::vector<Eigen::Vector3d>& values, double tolerance) {
-  const auto at = [&](int a, int b, int i) -> Eigen::Vector3d {
-    return values[a] + share(a, b, i) * (values[b] - values[a]);
-  };
-  const auto keys = key_frames(static_cast<int>(values.size()), tolerance,
-                               [&](int a, int b, int i) { return (values[i] - at(a, b, i)).norm(); });
-  between_keys(keys, [&](int a, int b, int i) { values[i] = at(a, b, i); });
-  return keys;
+Eigen::Vector3d offset_at(const std::vector<Eigen::Vector3d>& values, int a, int b, int i) {
+  return values[a] + share(a, b, i) * (values[b] - values[a]);
 }
 
-std::vector<int> thin_weights(Eigen::MatrixXd& weights, const MorphTargets& morphs, double tolerance) {
+Eigen::RowVectorXd weights_at(const Eigen::MatrixXd& weights, int a, int b, int i) {
+  return weights.row(a) + share(a, b, i) * (weights.row(b) - weights.row(a));
+}
+
+std::vector<int> rotation_keys(const std::vector<Eigen::Quaterniond>& values, double tolerance) {
+  return key_frames(static_cast<int>(values.size()), tolerance,
+                    [&](int a, int b, int i) { return values[i].angularDistance(turn_at(values, a, b, i)); });
+}
+
+std::vector<int> translation_keys(const std::vector<Eigen::Vector3d>& values, double tolerance) {
+  return key_frames(static_cast<int>(values.size()), tolerance,
+                    [&](int a, int b, int i) { return (values[i] - offset_at(values, a, b, i)).norm(); });
+}
+
+std::vector<int> weight_keys(const Eigen::MatrixXd& weights, const MorphTargets& morphs, double tolerance) {
   if (weights.rows() == 0 || weights.cols() == 0) return {};
   Eigen::RowVectorXd reach(morphs.count());  // the largest displacement of each target
   for (int k = 0; k < morphs.count(); ++k)
     reach(k) = static_cast<double>(morphs.targets[k].rowwise().norm().maxCoeff());
-  const auto at = [&](int a, int b, int i) -> Eigen::RowVectorXd {
-    return weights.row(a) + share(a, b, i) * (weights.row(b) - weights.row(a));
-  };
-  const auto keys = key_frames(static_cast<int>(weights.rows()), tolerance, [&](int a, int b, int i) {
-    return (weights.row(i) - at(a, b, i)).cwiseAbs().cwiseProduct(reach).sum();
+  return key_frames(static_cast<int>(weights.rows()), tolerance, [&](int a, int b, int i) {
+    return (weights.row(i) - weights_at(weights, a, b, i)).cwiseAbs().cwiseProduct(reach).sum();
   });
-  between_keys(keys, [&](int a, int b, int i) { weights.row(i) = at(a, b, i).eval(); });
-  return keys;
 }
 
 /// The transforms of the nodes that the tracks give in frame t, node to world.
@@ -88,12 +87,38 @@ FigureTracks thin_tracks(const Figure& figure, const Skeleton& skeleton, const F
     }
   }
   for (std::size_t i = 0; i < figure.nodes.size(); ++i) {
-    tracks.rotation_keys.push_back(thin_rotations(tracks.rotation[i], tolerance));
-    tracks.translation_keys.push_back(thin_translations(tracks.translation[i], tolerance));
+    tracks.rotation_keys.push_back(rotation_keys(tracks.rotation[i], tolerance));
+    tracks.translation_keys.push_back(translation_keys(tracks.translation[i], tolerance));
   }
   tracks.weights = morphs.weights;
-  tracks.weight_keys = thin_weights(tracks.weights, morphs, tolerance);
+  tracks.weight_keys = weight_keys(tracks.weights, morphs, tolerance);
+  interpolate_between_keys(tracks);
   return tracks;
+}
+
+void interpolate_between_keys(FigureTracks& tracks) {
+  for (std::size_t n = 0; n < tracks.rotation.size(); ++n) {
+    auto& turns = tracks.rotation[n];
+    auto& offsets = tracks.translation[n];
+    between_keys(tracks.rotation_keys[n], [&](int a, int b, int i) { turns[i] = turn_at(turns, a, b, i); });
+    between_keys(tracks.translation_keys[n], [&](int a, int b, int i) { offsets[i] = offset_at(offsets, a, b, i); });
+  }
+  Eigen::MatrixXd& weights = tracks.weights;
+  between_keys(tracks.weight_keys, [&](int a, int b, int i) { weights.row(i) = weights_at(weights, a, b, i); });
+}
+
+std::vector<Eigen::Vector3d> figure_surface(const Figure& figure, const MorphTargets& morphs,
+                                            const FigureTracks& tracks, std::size_t t) {
+  const auto blended = blend_transforms(figure, nodes_at(figure, tracks, t));
+  std::vector<Eigen::Vector3d> surface = figure.rest_vertices;
+  for (int k = 0; k < morphs.count(); ++k) {
+    const double weight = tracks.weights(static_cast<Eigen::Index>(t), k);
+    if (weight == 0.0) continue;
+    for (std::size_t v = 0; v < surface.size(); ++v)
+      surface[v] += weight * morphs.targets[k].row(static_cast<Eigen::Index>(v)).cast<double>().transpose();
+  }
+  for (std::size_t v = 0; v < surface.size(); ++v) surface[v] = blended[v] * surface[v];
+  return surface;
 }
 
 FigureError figure_error(const Figure& figure, const FigureClip& clip, const MorphTargets& morphs,
@@ -101,16 +126,12 @@ FigureError figure_error(const Figure& figure, const FigureClip& clip, const Mor
   FigureError error;
   const std::size_t vertices = figure.node.size();
   for (std::size_t t = 0; t < clip.vertices.size(); ++t) {
-    const auto blended = blend_transforms(figure, nodes_at(figure, tracks, t));
+    const std::vector<Eigen::Vector3d> surface = figure_surface(figure, morphs, tracks, t);
     double sum = 0.0;
     for (std::size_t v = 0; v < vertices; ++v) {
-      Eigen::Vector3d rest = figure.rest_vertices[v];
-      for (int k = 0; k < morphs.count(); ++k)
-        rest += tracks.weights(static_cast<Eigen::Index>(t), k) *
-                morphs.targets[k].row(static_cast<Eigen::Index>(v)).cast<double>().transpose();
       const float* ground_truth = &clip.vertices[t][3 * v];
       const double distance =
-          1000.0 * (blended[v] * rest - Eigen::Vector3d(ground_truth[0], ground_truth[1], ground_truth[2])).norm();
+          1000.0 * (surface[v] - Eigen::Vector3d(ground_truth[0], ground_truth[1], ground_truth[2])).norm();
       sum += distance;
       error.worst = std::max(error.worst, distance);
     }
