@@ -14,7 +14,7 @@ packages=(
   cmake g++ ninja-build ccache pkg-config
   libtorch-dev libgloo-dev libopenblas-dev libopencv-dev libeigen3-dev libopenmesh-dev
   libyaml-cpp-dev libspdlog-dev libfmt-dev libcli11-dev nlohmann-json3-dev
-  libpugixml-dev libtomlplusplus-dev libassimp-dev libtinygltf-dev libonnx-dev libcpp-httplib-dev liboscpack-dev zlib1g-dev libminizip-dev
+  libpugixml-dev libtomlplusplus-dev libassimp-dev libtinygltf-dev libmeshoptimizer-dev libdraco-dev libonnx-dev libcpp-httplib-dev liboscpack-dev zlib1g-dev libminizip-dev
   liblmdb-dev libprotobuf-dev protobuf-compiler
   libdnnl-dev libflatbuffers-dev flatbuffers-compiler-dev flatbuffers-compiler libssl-dev
 )

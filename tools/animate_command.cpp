@@ -62,6 +62,7 @@ struct AnimateOptions {
   FigureRights rights;
   std::optional<int> morphs;
   double tolerance_mm = 0.1;
+  bool compress = false;
   bool loop = false;
   std::string root = "travel";
 
@@ -478,6 +479,9 @@ FigureOptions figure_options(const AnimateOptions& options, double fps, const st
   figure.rights = options.rights;
   figure.morphs = options.morphs;
   figure.tolerance = 0.001 * options.tolerance_mm;
+  if (options.compress && !figure.glb && !options.wants("splat-rig"))
+    fail<UsageError>("--compress belongs to --format glb and splat-rig; the other files have no compressed form");
+  figure.compress = options.compress;
   return figure;
 }
 
@@ -489,7 +493,7 @@ std::unique_ptr<SequenceWriter> rig_writer(const AnimateOptions& options, const 
         "have; give --run RUN of `doppel train configs/small/gaussians.yaml --set capture=PREPARED --set ddc=CHAIN "
         "--out RUN`");
   return make_splat_rig_writer(options.out, *performer.trained,
-                               {fps, bone_names(options), 0.001 * options.tolerance_mm, parts}, report);
+                               {fps, bone_names(options), 0.001 * options.tolerance_mm, parts, options.compress}, report);
 }
 
 /// What the files with bones lost.
@@ -566,13 +570,16 @@ void write_motions(const AnimateOptions& options, const Character& character, co
 }
 
 nlohmann::json figure_json(const FigureReport& figure) {
-  return {{"nodes", figure.nodes},
-          {"morphs", figure.morphs},
-          {"morphs_at_once", figure.morphs_at_once},
-          {"keys", figure.keys},
-          {"mean_error_mm", figure.mean_error_mm},
-          {"worst_error_mm", figure.worst_error_mm},
-          {"largest_dropped_weight", figure.largest_dropped_weight}};
+  nlohmann::json json = {{"nodes", figure.nodes},
+                         {"morphs", figure.morphs},
+                         {"morphs_at_once", figure.morphs_at_once},
+                         {"keys", figure.keys},
+                         {"mean_error_mm", figure.mean_error_mm},
+                         {"worst_error_mm", figure.worst_error_mm},
+                         {"largest_dropped_weight", figure.largest_dropped_weight}};
+  if (figure.compression)
+    json["compression"] = {{"mean_error_mm", figure.compression->mean}, {"worst_error_mm", figure.compression->worst}};
+  return json;
 }
 
 nlohmann::json rig_json(const SplatRigReport& rig) {
@@ -599,21 +606,28 @@ void warn_of_targets(const FigureReport& figure, std::optional<int> chosen) {
       chosen && *chosen < 256 ? "a larger --morphs, or none, or " : "");
 }
 
+/// Ends the line of a file with bones.
+std::string compression_text(const FigureReport& figure) {
+  if (!figure.compression) return "\n";
+  return fmt::format("; the compression moves them by {:.2f} mm at most\n", figure.compression->worst);
+}
+
 /// A line for each file with bones.
 std::string files_text(const AnimateOptions& options, const FileReports& reports) {
   std::string text;
   const FigureReport& rig = reports.rig.figure;
   const auto figure_text = [&](const char* format, const FigureReport& figure) {
     if (options.wants(format))
-      text += fmt::format("animation.{}: {} bones, {}; vertices off by {:.2f} mm on average, {:.1f} mm at most\n",
-                          format, figure.nodes, targets_text(figure), figure.mean_error_mm, figure.worst_error_mm);
+      text += fmt::format("animation.{}: {} bones, {}; vertices off by {:.2f} mm on average, {:.1f} mm at most{}",
+                          format, figure.nodes, targets_text(figure), figure.mean_error_mm, figure.worst_error_mm,
+                          compression_text(figure));
   };
   figure_text("glb", reports.figure);
   figure_text("fbx", reports.fbx);
   if (options.wants("splat-rig"))
     text +=
-        fmt::format("splats_rig.glb: {} bones, {} Gaussians; centres off by {:.2f} mm on average, {:.1f} mm at most\n",
-                    rig.nodes, reports.rig.gaussians, rig.mean_error_mm, rig.worst_error_mm);
+        fmt::format("splats_rig.glb: {} bones, {} Gaussians; centres off by {:.2f} mm on average, {:.1f} mm at most{}",
+                    rig.nodes, reports.rig.gaussians, rig.mean_error_mm, rig.worst_error_mm, compression_text(rig));
   return text;
 }
 
@@ -787,6 +801,10 @@ void add_figure_options(CLI::App& app, AnimateOptions& options) {
          "Largest number of morph targets that move in a frame; they hold the motion of the clothes (default: 8, "
          "and more where the 256 targets of a file do not suffice)")
       ->check(CLI::Range(0, 256));
+  app.add_flag(
+      "--compress", options.compress,
+      "Compress .glb files (EXT_meshopt_compression), moving no vertex by more than about 0.1 mm; programs must "
+      "know the extension");
   app.add_option("--tolerance", options.tolerance_mm, "Error that leaving out keyframes may cause, mm")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();

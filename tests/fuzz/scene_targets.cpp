@@ -2,11 +2,13 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/geometry/mesh.h"
+#include "doppel/io/scene/meshopt_view.h"
 #include "doppel/io/scene/read_scene.h"
 #include "fuzz/fuzz_target.h"
 #include "fuzz/scene_oracle.h"
 #include "support/fbx_writer.h"
 #include "support/gltf_writer.h"
+#include "support/packed_gltf.h"
 #include "support/scan_files.h"
 
 namespace doppel::fuzz {
@@ -92,7 +94,20 @@ FuzzTarget gltf_target(bool binary) {
   FuzzTarget target{binary ? "glb" : "gltf", binary ? read_as<kGlb> : read_two<kGltf, kBuffer>, {}, {}};
   for (const GltfWriter& file : {support::bending_arm(), rich_arm()})
     target.seeds.push_back(binary ? file.glb() : as_gltf(file));
+  if (binary) {
+    support::MeshoptPacking filtered;
+    filtered.float_bits = filtered.rotation_bits = 12;
+    target.seeds.push_back(support::meshopt_glb(support::bending_sleeve(), filtered));
+    target.seeds.push_back(support::draco_glb(support::bending_sleeve()));
+  }
   target.dictionary = {"\"sparse\":{\"count\":1}",
+                       "\"mode\":\"INDICES\"",
+                       "\"mode\":\"TRIANGLES\"",
+                       "\"filter\":\"OCTAHEDRAL\"",
+                       "\"filter\":\"QUATERNION\"",
+                       "\"filter\":\"EXPONENTIAL\"",
+                       "\"byteStride\":256,",
+                       "\"buffer\":1",
                        "\"matrix\"",
                        "\"children\":[0]",
                        "\"children\":[1,2]",
@@ -113,6 +128,63 @@ FuzzTarget gltf_target(bool binary) {
                        "STEP",
                        "null",
                        "\"uri\":\"data:,AAAA\""};
+  return target;
+}
+
+/// A compressed view: bytes of its mode and filter, stride and count, then the stream.
+void read_meshopt_view(std::string_view bytes, const Path&) {
+  constexpr const char* kModes[] = {"ATTRIBUTES", "TRIANGLES", "INDICES"};
+  constexpr const char* kFilters[] = {"NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL"};
+  std::string head(bytes.substr(0, 4));
+  head.resize(4);
+  const auto at = [&](std::size_t i) { return static_cast<unsigned char>(head[i]); };
+  MeshoptView view;
+  view.stream = bytes.substr(std::min<std::size_t>(4, bytes.size()));
+  view.mode = kModes[at(0) % 3];
+  view.filter = kFilters[at(0) / 3 % 4];
+  view.stride = 2 * std::size_t{at(1)};
+  view.count = at(2) + 256 * std::size_t{at(3)};
+  const UnpackedView result = unpack_meshopt(view);
+  promise(result.bytes.size() <= 64 * view.stream.size(), "memory is bounded by the stream");
+  promise(result.bytes.size() == (result.fault.empty() ? view.count * view.stride : 0), "all elements are there");
+}
+
+FuzzTarget meshopt_target() {
+  const std::vector<float> values(33 * 4, 0.5F);
+  const auto seed = [](unsigned char kind, unsigned char half_stride, unsigned char count, const auto& stream) {
+    const std::string head{static_cast<char>(kind), static_cast<char>(half_stride), static_cast<char>(count), '\0'};
+    return head + std::string(stream.begin(), stream.end());
+  };
+  const std::vector<std::uint32_t> corners{0, 1, 2, 2, 1, 3, 3, 1, 40};
+  const auto attributes = support::packed_attributes(values.data(), 33, 8);
+  return {"meshopt_view",
+          read_meshopt_view,
+          {seed(0, 8, 33, support::packed_attributes(values.data(), 33, 16)), seed(3, 4, 33, attributes),
+           seed(6, 4, 33, attributes), seed(9, 4, 33, attributes),
+           seed(1, 2, 9, support::packed_triangles(corners, 41)), seed(2, 1, 9, support::packed_sequence(corners, 41))},
+          {"\xA0", "\xA1", "\xE0", "\xE1", "\xD0", "\xD1"}};
+}
+
+/// The sleeve with these bytes as the Draco stream of its primitive.
+void read_draco_stream(std::string_view bytes, const Path& folder) {
+  static const std::string kSleeve = support::draco_glb(support::bending_sleeve());
+  std::uint32_t size = 0;
+  std::memcpy(&size, kSleeve.data() + 12, 4);
+  auto json = GltfWriter::Json::parse(kSleeve.substr(20, size));
+  const std::string plain = kSleeve.substr(28 + size);
+  json["bufferViews"].back()["byteOffset"] = plain.size();
+  json["bufferViews"].back()["byteLength"] = bytes.size();
+  json["buffers"][0] = {{"byteLength", plain.size() + bytes.size()}, {"uri", kBuffer}};
+  read_files(joined({json.dump(), plain + std::string(bytes)}), folder, {kGltf, kBuffer});
+}
+
+FuzzTarget draco_target() {
+  FuzzTarget target{"draco_stream", read_draco_stream, {}, {"DRACO\x02\x02\x01", "\x80\x80\x80\x80\x01"}};
+  for (const int method : {draco::MESH_SEQUENTIAL_ENCODING, draco::MESH_EDGEBREAKER_ENCODING})
+    for (const int bits : {0, 11}) {
+      support::DracoPacking packing{method, bits, [&](std::string& stream) { target.seeds.push_back(stream); }};
+      support::draco_glb(support::bending_sleeve(), packing);
+    }
   return target;
 }
 
@@ -241,9 +313,9 @@ FuzzTarget obj_mesh_target() {
 }  // namespace
 
 std::vector<FuzzTarget> scene_targets() {
-  return {gltf_target(true), gltf_target(false), fbx_target(true),  fbx_target(false),
-          collada_target(),  stl_target(true),   stl_target(false), ply_target(true),
-          ply_target(false), obj_target(),       obj_mesh_target()};
+  return {gltf_target(true), gltf_target(false), fbx_target(true), fbx_target(false), collada_target(),
+          stl_target(true),  stl_target(false),  ply_target(true), ply_target(false), obj_target(),
+          obj_mesh_target(), meshopt_target(),   draco_target()};
 }
 
 }  // namespace doppel::fuzz

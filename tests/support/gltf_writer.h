@@ -38,7 +38,7 @@ class GltfWriter {
   /// The file as the bytes of a .glb.
   std::string glb() const {
     Json whole = json;
-    whole["buffers"] = {{{"byteLength", buffer_.size()}}};
+    if (!whole.contains("buffers")) whole["buffers"] = {{{"byteLength", buffer_.size()}}};
     std::string text = whole.dump(), data = buffer_;
     while (text.size() % 4) text += ' ';
     while (data.size() % 4) data += '\0';

@@ -643,6 +643,13 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
                            "animation.pc2", "animation.mdd", "animation.obj", "texture_000000.png"})
     EXPECT_TRUE(std::filesystem::exists(at(std::string("figure/") + name))) << name;
   EXPECT_NE(cv::norm(cv::imread(at("figure/texture_000000.png")), cv::imread(at("figure/texture_000005.png"))), 0.0);
+  const Outcome packed =
+      run(play + "--model " + at("chain/actor.pt") + " --format glb --compress --out " + at("packed"));
+  ASSERT_EQ(packed.code, 0) << packed.err;
+  EXPECT_LE(nlohmann::json::parse(packed.out)["glb"]["compression"]["worst_error_mm"].get<double>(), 0.1);
+  EXPECT_LT(std::filesystem::file_size(at("packed/animation.glb")),
+            std::filesystem::file_size(at("figure/animation.glb")) / 2);
+  EXPECT_THAT(run(play + "--format npy --compress --out " + at("none")).err, HasSubstr("--compress belongs to"));
   EXPECT_EQ(run(play + "--format texture --out " + at("none")).code, 2);
   // Its images, from the run and from the exported file.
   const Outcome drawn = run("animate --run " + at("chain") + play.substr(play.find(" --motion")) +

@@ -19,8 +19,9 @@ const page_text = `<!doctype html><script type="importmap">{"imports": {
 <script type="module">
 import * as THREE from 'three';
 import { FBXLoader } from 'three/addons/loaders/FBXLoader.js';
+import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
-const loadGlb = async () => new GLTFLoader().loadAsync('/file.glb');
+const loadGlb = async () => new GLTFLoader().setMeshoptDecoder(MeshoptDecoder).loadAsync('/file.glb');
 const loadFbx = async () => {
   const manager = new THREE.LoadingManager();
   const complete = new Promise((done) => { manager.onLoad = done; });  // with the texture

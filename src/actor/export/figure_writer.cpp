@@ -2,6 +2,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/geometry/mesh.h"
+#include "doppel/io/figure_export/compressed_figure.h"
 
 namespace doppel {
 namespace {
@@ -33,9 +34,21 @@ class FigureWriter : public SequenceWriter {
     const MorphTargets morphs = fit_morphs(figure_, character_.skeleton, clip_, options_.morphs);
     const FigureTracks tracks = thin_tracks(figure_, character_.skeleton, clip_, morphs, options_.tolerance);
     report_ = report_of(morphs, tracks, tracks.num_keys());
-    if (options_.glb) write_glb(folder_ / "animation.glb", file, figure_, morphs, tracks);
+    if (options_.glb && options_.compress)
+      write_compressed(file, compress_figure(figure_, morphs, tracks));
+    else if (options_.glb)
+      write_glb(folder_ / "animation.glb", file, figure_, morphs, tracks);
     if (options_.fbx) write_with_angles(file, morphs, tracks);
     if (options_.usda) write_usda_skel(folder_ / "animation_skel.usda", file, figure_, morphs, tracks, "animation.png");
+  }
+
+  void write_compressed(FigureFile file, const CompressedFigure& packed) {
+    report_.compression = packed.error;
+    const FigureError error = figure_error(packed.figure, clip_, packed.morphs, packed.tracks);
+    report_.mean_error_mm = error.mean;
+    report_.worst_error_mm = error.worst;
+    file.compression = packed.steps;
+    write_glb(folder_ / "animation.glb", file, packed.figure, packed.morphs, packed.tracks);
   }
 
   void write_with_angles(const FigureFile& file, const MorphTargets& morphs, const FigureTracks& tracks) {

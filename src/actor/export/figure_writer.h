@@ -6,6 +6,7 @@
 
 #include "doppel/actor/export/animation.h"
 #include "doppel/io/figure_export/figure.h"
+#include "doppel/io/figure_export/figure_clip.h"
 #include "doppel/io/figure_export/write_figure.h"
 
 namespace doppel {
@@ -21,6 +22,7 @@ struct FigureOptions {
   /// Of the .glb: several animations in one file, which share skin and morph targets. Empty: one animation. Other files
   /// hold all frames one after the other.
   std::vector<ClipPart> parts;
+  bool compress = false;      ///< the .glb by EXT_meshopt_compression
 };
 
 /// What was lost on the way into the files with a skin.
@@ -31,6 +33,8 @@ struct FigureReport {
   std::size_t keys = 0;                              ///< of all channels
   double mean_error_mm = 0.0, worst_error_mm = 0.0;  ///< of the vertices, over all frames
   double largest_dropped_weight = 0.0;               ///< of a vertex with more than four bones
+  /// Of a compressed .glb: distance of the vertices from where they are without compression, in all frames.
+  std::optional<FigureError> compression;
 };
 
 /// Appends the pose and the vertices of a frame to a clip.

@@ -4,6 +4,7 @@
 
 #include "doppel/actor/export/splat_primitive.h"
 #include "doppel/core/as_size.h"
+#include "doppel/io/figure_export/compressed_figure.h"
 #include "doppel/io/figure_export/glb_skeleton.h"
 
 namespace doppel {
@@ -61,7 +62,10 @@ class SplatRigWriter : public SequenceWriter {
     const SplatRig rig = make_splat_rig(actor_.character, fitted_rest_vertices(body_, skeleton, clip_), *actor_.mesh,
                                         actor_.gaussians, options_.names);
     const FigureTracks tracks = thin_tracks(rig.figure, skeleton, clip_, {}, options_.tolerance);
-    write_splat_rig(path_, actor_.character.name, rig, tracks, clip_.animations(actor_.character.name));
+    if (options_.compress)
+      write_compressed(rig, compress_figure(rig.figure, {}, tracks));
+    else
+      write_splat_rig(path_, actor_.character.name, rig, tracks, clip_.animations(actor_.character.name));
     report_.gaussians = rig.splats.positions.size(1);
     report_.figure.nodes = static_cast<int>(rig.figure.nodes.size());
     report_.figure.keys = tracks.num_keys();
@@ -70,6 +74,12 @@ class SplatRigWriter : public SequenceWriter {
   }
 
  private:
+  void write_compressed(const SplatRig& rig, const CompressedFigure& packed) {
+    report_.figure.compression = packed.error;
+    write_splat_rig(path_, actor_.character.name, {rig.splats, packed.figure}, packed.tracks,
+                    clip_.animations(actor_.character.name), packed.steps);
+  }
+
   void measure(const SplatRig& rig) {
     const torch::NoGradGuard no_gradient;
     const int frames = clip_.num_frames(), used = std::min(frames, kMeasuredFrames);
@@ -114,7 +124,8 @@ Tensor posed_centres(const SplatRig& rig, const Skeleton& skeleton, const std::v
 }
 
 void write_splat_rig(const std::filesystem::path& path, const std::string& name, const SplatRig& rig,
-                     const FigureTracks& tracks, const std::vector<ClipPart>& animations) {
+                     const FigureTracks& tracks, const std::vector<ClipPart>& animations,
+                     const std::optional<GlbSteps>& compression) {
   const torch::NoGradGuard no_gradient;
   const WrittenSplats written = written_splats("writing " + path.string(), rig.splats, 0);
   const auto* index = written.index.data_ptr<std::int64_t>();
@@ -129,7 +140,7 @@ void write_splat_rig(const std::filesystem::path& path, const std::string& name,
   model.meshes.push_back(mesh);
   add_glb_skeleton(model, buffer, rig.figure, name, rig.figure.rest);
   for (const ClipPart& part : animations) add_glb_animation(model, buffer, tracks, part);
-  write_glb_model(path, model);
+  write_glb_model(path, model, compression);
 }
 
 std::unique_ptr<SequenceWriter> make_splat_rig_writer(const std::filesystem::path& folder, TrainedActor& actor,

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -42,16 +43,20 @@ torch::Tensor posed_centres(const SplatRig& rig, const Skeleton& skeleton, const
 /// @param path its content is replaced; missing folders are created
 /// @param name of the mesh and the skin
 /// @param tracks of the bones of `rig.figure`, without morph targets @param animations whose keys they hold
+/// @param compression with which the file is compressed: the rig's figure and the tracks are those of compress_figure;
+/// nothing: it is not compressed
 /// @throws Error when no Gaussian is left, or the file cannot be written or would have more than 4 GB. The messages
 /// name the file.
 void write_splat_rig(const std::filesystem::path& path, const std::string& name, const SplatRig& rig,
-                     const FigureTracks& tracks, const std::vector<ClipPart>& animations);
+                     const FigureTracks& tracks, const std::vector<ClipPart>& animations,
+                     const std::optional<GlbSteps>& compression = std::nullopt);
 
 struct SplatRigOptions {
   double frames_per_second = 25.0;
   BoneNames names = BoneNames::skeletool;
   double tolerance = 1e-4;      ///< error of interpolated keys, metres
   std::vector<ClipPart> parts;  ///< as of FigureOptions
+  bool compress = false;        ///< by EXT_meshopt_compression
 };
 
 struct SplatRigReport {

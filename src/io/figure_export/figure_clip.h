@@ -76,6 +76,13 @@ struct FigureTracks {
 FigureTracks thin_tracks(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip,
                          const MorphTargets& morphs, double tolerance);
 
+/// Replaces the values of the frames between keys by what a viewer interpolates. Tracks with one key stay.
+void interpolate_between_keys(FigureTracks& tracks);
+
+/// [N] the vertices that tracks and targets give in frame t, world metres.
+std::vector<Eigen::Vector3d> figure_surface(const Figure& figure, const MorphTargets& morphs,
+                                            const FigureTracks& tracks, std::size_t t);
+
 /// Distance of the vertices that tracks and targets give from those of the clip, over all frames: millimetres.
 struct FigureError {
   double mean = 0.0, worst = 0.0;

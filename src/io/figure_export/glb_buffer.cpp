@@ -72,15 +72,17 @@ tinygltf::Model empty_glb_model() {
   return model;
 }
 
-void write_glb_model(const std::filesystem::path& path, const tinygltf::Model& model) {
+void write_glb_model(const std::filesystem::path& path, const tinygltf::Model& model,
+                     const std::optional<GlbSteps>& compression) {
   tinygltf::TinyGLTF writer;
   std::ostringstream stream;
   if (!writer.WriteGltfSceneToStream(&model, stream, /*prettyPrint=*/false, /*writeBinary=*/true))
     fail("writing {}: tinygltf refuses the model", path.string());
-  const std::string bytes = stream.str();
+  std::string bytes = stream.str();
   if (bytes.size() > 0xFFFFFFFFULL)
     fail("writing {}: the model needs {:.1f} GB, and a .glb file holds 4 GB; export fewer frames", path.string(),
          static_cast<double>(bytes.size()) / 1e9);
+  if (compression) bytes = compressed_glb(bytes, *compression);
   write_atomically(path, bytes);
 }
 

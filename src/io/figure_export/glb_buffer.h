@@ -3,8 +3,11 @@
 #include <tiny_gltf.h>
 
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <vector>
+
+#include "doppel/io/figure_export/glb_compression.h"
 
 namespace doppel {
 
@@ -31,8 +34,9 @@ class GlbBuffer {
 /// A glTF 2.0 model with nothing in it.
 tinygltf::Model empty_glb_model();
 
-/// Writes a model as a binary glTF file, atomically.
+/// Writes a model as a binary glTF file, atomically. @param compression as for compressed_glb; nothing: none
 /// @throws Error naming the file when it cannot be written, or would be larger than 4 GB
-void write_glb_model(const std::filesystem::path& path, const tinygltf::Model& model);
+void write_glb_model(const std::filesystem::path& path, const tinygltf::Model& model,
+                     const std::optional<GlbSteps>& compression = std::nullopt);
 
 }  // namespace doppel

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 
 #include "doppel/geometry/mesh.h"
 #include "doppel/io/figure_export/euler_tracks.h"
 #include "doppel/io/figure_export/figure_clip.h"
+#include "doppel/io/figure_export/glb_compression.h"
 
 namespace doppel {
 
@@ -24,12 +26,14 @@ struct FigureFile {
   std::string name;          ///< of the figure, and of the animation of a clip without parts
   const TriangleMesh& mesh;  ///< rest pose, metres: faces, UVs, colours, texture
   const FigureClip& clip;
-  FigureRights rights = {};  ///< with authors, a .glb is an avatar of VRM 1.0
+  FigureRights rights = {};                  ///< with authors, a .glb is an avatar of VRM 1.0
+  std::optional<GlbSteps> compression = {};  ///< a .glb is compressed with these steps; nothing: it is not
 };
 
 /// Writes a binary glTF 2.0 file: the skinned mesh with morph targets, the texture as PNG, an animation for each part
 /// of the clip. Metres, y up. Names of morph targets are in `extras.targetNames` of the mesh. Vertices are split where
-/// the UVs are; the attribute `_VERTEX` says which vertex of the mesh each of them is. With authors it has the
+/// the UVs are; the attribute `_VERTEX` says which vertex of the mesh each of them is. With a compression, mesh, figure,
+/// targets and tracks are those of compress_figure, and triangles and vertices are reordered. With authors it has the
 /// extension VRMC_vrm, for which the figure needs the bone names of VRM (vrm.h), and its nodes rest in a T-pose. Mesh,
 /// weights and inverse bind matrices stay those of the figure's rest pose.
 /// @throws Error when the file cannot be written, or would be larger than 4 GB; UsageError as vrm_extension

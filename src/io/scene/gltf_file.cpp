@@ -3,14 +3,13 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstring>
-#include <limits>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/excerpt.h"
+#include "doppel/io/scene/gltf_component.h"
+#include "doppel/io/scene/meshopt_view.h"
 #include "doppel/io/scene/scene_images.h"
 
 namespace doppel {
@@ -60,63 +59,13 @@ std::string decode_base64(std::string_view text) {
   return bytes;
 }
 
-std::size_t component_size(int type) {
-  switch (type) {
-    case 5120:
-    case 5121:
-      return 1;
-    case 5122:
-    case 5123:
-      return 2;
-    case 5125:
-    case 5126:
-      return 4;
-    default:
-      return 0;
-  }
-}
-
-template <typename T>
-double component_as(const char* bytes) {
-  T value;
-  std::memcpy(&value, bytes, sizeof value);
-  return static_cast<double>(value);
-}
-
-double component(const char* bytes, int type, bool normalized) {
-  switch (type) {
-    case 5120:
-      return normalized ? std::max(component_as<std::int8_t>(bytes) / 127, -1.0) : component_as<std::int8_t>(bytes);
-    case 5121:
-      return component_as<std::uint8_t>(bytes) / (normalized ? 255 : 1);
-    case 5122:
-      return normalized ? std::max(component_as<std::int16_t>(bytes) / 32767, -1.0) : component_as<std::int16_t>(bytes);
-    case 5123:
-      return component_as<std::uint16_t>(bytes) / (normalized ? 65535 : 1);
-    case 5125:
-      return component_as<std::uint32_t>(bytes);
-    default:
-      return component_as<float>(bytes);
-  }
-}
-
-std::size_t width_of_type(const std::string& type) {
-  static const std::pair<const char*, std::size_t> kWidths[] = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4},
-                                                                {"MAT2", 4},   {"MAT3", 9}, {"MAT4", 16}};
-  for (const auto& [name, width] : kWidths)
-    if (type == name) return width;
-  return 0;
-}
-
-/// Extensions that the reader understands, and how it speaks of those that hide the vertices.
-constexpr std::string_view kReadExtensions[] = {"KHR_mesh_quantization", "KHR_texture_transform", "EXT_texture_webp",
-                                                "KHR_materials_pbrSpecularGlossiness"};
-constexpr std::pair<std::string_view, std::string_view> kCompressions[] = {
-    {"EXT_meshopt_compression", "meshopt"},
-    {"KHR_meshopt_compression", "meshopt"},
-    {"MESHOPT_compression", "meshopt"},
-    {"KHR_draco_mesh_compression", "Draco"},
-};
+/// Names of one extension, the newest last. They differ in the versions of the codec that a stream may have.
+constexpr const char* kMeshoptExtensions[] = {"MESHOPT_compression", "EXT_meshopt_compression",
+                                              "KHR_meshopt_compression"};
+constexpr std::string_view kReadExtensions[] = {"KHR_mesh_quantization",   "KHR_texture_transform",
+                                                "EXT_texture_webp",        "KHR_materials_pbrSpecularGlossiness",
+                                                "MESHOPT_compression",     "EXT_meshopt_compression",
+                                                "KHR_meshopt_compression", "KHR_draco_mesh_compression"};
 /// Parts of the names of extensions that change the look of a surface or say something about the file. Without them
 /// the vertices are where they should be.
 constexpr std::string_view kLookExtensions[] = {"_materials_", "_texture_", "_lights_", "_image",
@@ -124,33 +73,27 @@ constexpr std::string_view kLookExtensions[] = {"_materials_", "_texture_", "_li
 
 }  // namespace
 
-bool GltfFile::is_meshopt(const Json& element) const {
+const Json& GltfFile::meshopt_of(const Json& element) const {
   const Json& extensions = object(element, "extensions");
-  return std::any_of(std::begin(kCompressions), std::end(kCompressions), [&](const auto& compression) {
-    return compression.second == "meshopt" && extensions.contains(compression.first);
-  });
+  const auto* found = std::find_if(std::begin(kMeshoptExtensions), std::end(kMeshoptExtensions),
+                                   [&](const char* name) { return extensions.contains(name); });
+  return object(extensions, found == std::end(kMeshoptExtensions) ? kMeshoptExtensions[0] : *found);
 }
 
 /// A file says which extensions a program must understand to read it rightly.
 void GltfFile::check_extensions() {
   std::vector<std::string> unread;
-  std::string_view compression;
   bool only_look = true;
   for (const Json& entry : list("extensionsRequired")) {
     if (!entry.is_string()) fail_here("extensionsRequired holds {}, which is not a name", excerpt(entry.dump(), 40));
     const auto name = entry.get<std::string>();
     if (std::find(std::begin(kReadExtensions), std::end(kReadExtensions), name) != std::end(kReadExtensions)) continue;
     unread.push_back(excerpt(name, 80));
-    for (const auto& [extension, method] : kCompressions)
-      if (name == extension) compression = method;
     only_look &= std::any_of(std::begin(kLookExtensions), std::end(kLookExtensions),
                              [&](std::string_view part) { return name.find(part) != std::string::npos; });
   }
   if (unread.empty()) return;
   const std::string names = excerpt(fmt::format("{}", fmt::join(unread, ", ")), 400);
-  if (!compression.empty())
-    fail_here("the file is compressed by {}, which is not read; export it without compression (it requires {})",
-              compression, names);
   if (!only_look) fail_here("the file requires extensions that are not read: {}; export it without them", names);
   look_warning_ = fmt::format(
       "the file requires extensions that are not read: {}; they change the look of a surface, not its shape", names);
@@ -214,7 +157,7 @@ void GltfFile::read_buffers() {
     const std::string where = fmt::format("buffers[{}]", i), uri = text(buffers[i], "uri");
     const double length = number(buffers[i], "byteLength", 0, where);
     // Of compressed views, a buffer may stand for what they become; without data it is missed only where it is used.
-    if (uri.empty() && is_meshopt(buffers[i])) {
+    if (uri.empty() && !meshopt_of(buffers[i]).empty()) {
       buffers_.emplace_back();
       continue;
     }
@@ -303,15 +246,45 @@ GltfFile::View GltfFile::view(int index, const std::string& where) const {
   const Json& view = views[index];
   const std::string element = fmt::format("bufferViews[{}]", index);
   const std::string& buffer = buffers_[this->index(view, "buffer", buffers_.size(), element, true)];
-  if (buffer.empty() && is_meshopt(view))
-    fail_here("{} is compressed by meshopt, which is not read; export the file without compression", element);
-  const double offset = number(view, "byteOffset", 0, element), length = number(view, "byteLength", -1, element);
-  if (!(offset >= 0) || !(length >= 0) || offset + length > static_cast<double>(buffer.size()))
-    fail_here("{} (of {}) covers the bytes {} to {}, but its buffer has {}", element, where, offset, offset + length,
-              buffer.size());
   const double stride = number(view, "byteStride", 0, element);
   if (!(stride >= 0) || stride > 65536) fail_here("{}.byteStride is {}", element, stride);
-  return {std::string_view(buffer).substr(as_size(offset), as_size(length)), as_size(stride)};
+  // Where the file has the bytes also without compression, they are taken.
+  if (const Json& packing = meshopt_of(view); buffer.empty() && !packing.empty())
+    return {unpacked_view(index, packing, element), as_size(stride)};
+  return {bytes_of_range(view, fmt::format("{} (of {})", element, where), element), as_size(stride)};
+}
+
+/// The bytes of a buffer that an object with `buffer`, `byteOffset` and `byteLength` names.
+std::string_view GltfFile::bytes_of_range(const Json& range, const std::string& who, const std::string& where) const {
+  const std::string& buffer = buffers_[index(range, "buffer", buffers_.size(), where, true)];
+  const double offset = number(range, "byteOffset", 0, where), length = number(range, "byteLength", -1, where);
+  if (!(offset >= 0) || !(length >= 0) || offset + length > static_cast<double>(buffer.size()))
+    fail_here("{} covers the bytes {} to {}, but its buffer has {}", who, offset, offset + length, buffer.size());
+  return std::string_view(buffer).substr(as_size(offset), as_size(length));
+}
+
+std::string_view GltfFile::unpacked_view(int index, const Json& packing, const std::string& element) const {
+  if (const auto known = unpacked_.find(index); known != unpacked_.end()) return known->second;
+  const std::string where = element + ".meshopt_compression";
+  MeshoptView view;
+  view.stream = bytes_of_range(packing, where, where);
+  view.count = as_size(std::max(whole(packing, "count", 0, where), 0));
+  view.stride = as_size(std::max(whole(packing, "byteStride", 0, where), 0));
+  view.mode = text(packing, "mode");
+  view.filter = text(packing, "filter");
+  view.max_bytes = kMaxBufferBytes - unpacked_bytes_;
+  UnpackedView result = unpack_meshopt(view);
+  if (!result.fault.empty()) fail_here("{} {}", element, result.fault);
+  unpacked_bytes_ += result.bytes.size();
+  return unpacked_[index] = std::move(result.bytes);
+}
+
+std::string_view GltfFile::bytes_of_view(int index, const std::string& where) const { return view(index, where).bytes; }
+
+void GltfFile::count_values(double values) const {
+  values_read_ += values;
+  if (values_read_ > kMaxReadings * static_cast<double>(limits_.triangles + limits_.vertices))
+    fail_here("the meshes and animations use the accessors more often than any figure does: the file is damaged");
 }
 
 GltfNumbers GltfFile::numbers(std::size_t accessor, std::size_t width, const char* what) const {
@@ -331,7 +304,7 @@ GltfNumbers GltfFile::numbers(std::size_t accessor, std::size_t width, const cha
   result.count = count_of(entry, result.width, index_of_view >= 0, where);
   const bool normalized = entry.contains("normalized") && entry["normalized"] == true;
   if (index_of_view < 0 && object(entry, "sparse").empty())
-    fail_here("{} ({}) has no data; a compressed file is not read, export it without compression", where, what);
+    fail_here("{} ({}) has no data: neither a buffer view nor sparse values", where, what);
   if (index_of_view >= 0) {
     const View data = view(index_of_view, where);
     const std::size_t stride = data.stride > 0 ? data.stride : size;
@@ -345,8 +318,8 @@ GltfNumbers GltfFile::numbers(std::size_t accessor, std::size_t width, const cha
     result.values.reserve(result.count * result.width);
     for (std::size_t i = 0; i < result.count; ++i)
       for (std::size_t c = 0; c < result.width; ++c)
-        result.values.push_back(
-            component(data.bytes.data() + as_size(offset) + i * stride + c * component_size(type), type, normalized));
+        result.values.push_back(component_value(
+            data.bytes.data() + as_size(offset) + i * stride + c * component_size(type), type, normalized));
   } else {
     result.values.assign(result.count * result.width, 0.0);
   }
@@ -361,9 +334,7 @@ std::size_t GltfFile::count_of(const Json& accessor, std::size_t width, bool sto
   const std::int64_t most = stored ? 3 * limits_.triangles : limits_.vertices;
   if (!(count >= 0) || count > static_cast<double>(most) || (!stored && width > 4))
     fail_here("{}.count is {}; at most {} are read", where, count, most);
-  values_read_ += std::floor(count) * static_cast<double>(width);
-  if (values_read_ > kMaxReadings * static_cast<double>(limits_.triangles + limits_.vertices))
-    fail_here("the meshes and animations use the accessors more often than any figure does: the file is damaged");
+  count_values(std::floor(count) * static_cast<double>(width));
   return as_size(count);
 }
 
@@ -384,12 +355,13 @@ void GltfFile::fill_sparse(const Json& accessor, const std::string& where, GltfN
       start + count * static_cast<double>(size) > static_cast<double>(value_view.bytes.size()))
     fail_here("{}.sparse covers more bytes than its views have", where);
   for (std::size_t i = 0; i < as_size(count); ++i) {
-    const double row = component(index_view.bytes.data() + as_size(index_start) + i * index_size, index_type, false);
+    const double row =
+        component_value(index_view.bytes.data() + as_size(index_start) + i * index_size, index_type, false);
     if (!(row >= 0) || row >= static_cast<double>(numbers.count))
       fail_here("{}.sparse names row {}, but there are {}", where, row, numbers.count);
     for (std::size_t c = 0; c < numbers.width; ++c)
-      numbers.values[as_size(row) * numbers.width + c] =
-          component(value_view.bytes.data() + as_size(start) + i * size + c * component_size(type), type, normalized);
+      numbers.values[as_size(row) * numbers.width + c] = component_value(
+          value_view.bytes.data() + as_size(start) + i * size + c * component_size(type), type, normalized);
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
@@ -40,6 +41,12 @@ class GltfFile {
   /// Numbers of an accessor as doubles. @param width values per row that are expected; 0: any
   /// @throws FileError for an index, a type or a range that the file does not have
   GltfNumbers numbers(std::size_t accessor, std::size_t width, const char* what) const;
+  /// The bytes of a buffer view, decompressed where only compressed ones are there. @param where who asks, for messages
+  /// @throws FileError for a range that its buffer does not have, or a damaged stream
+  std::string_view bytes_of_view(int index, const std::string& where) const;
+  /// Counts values that are read by other means than `numbers`. @throws FileError when they are more than any figure
+  /// has
+  void count_values(double values) const;
   /// The bytes of an image; empty when its file is missing.
   std::string image_bytes(std::size_t image) const;
 
@@ -70,10 +77,13 @@ class GltfFile {
   void read_container(const std::string& file);
   void parse_json(std::string_view text);
   void check_extensions();
-  bool is_meshopt(const Json& element) const;
+  /// What EXT_meshopt_compression says of a buffer or of a view; empty where it says nothing.
+  const Json& meshopt_of(const Json& element) const;
   void read_buffers();
   std::string buffer_of_uri(const std::string& uri, const std::string& where) const;
   View view(int index, const std::string& where) const;
+  std::string_view bytes_of_range(const Json& range, const std::string& who, const std::string& where) const;
+  std::string_view unpacked_view(int index, const Json& packing, const std::string& element) const;
   std::size_t count_of(const Json& accessor, std::size_t width, bool stored, const std::string& where) const;
   void fill_sparse(const Json& accessor, const std::string& where, GltfNumbers& numbers, int component,
                    bool normalized) const;
@@ -85,6 +95,8 @@ class GltfFile {
   bool has_binary_ = false;
   mutable double values_read_ = 0;  ///< by all calls of `numbers`
   std::vector<std::string> buffers_;
+  mutable std::map<int, std::string> unpacked_;  ///< compressed views that were asked for, by their index
+  mutable std::size_t unpacked_bytes_ = 0;
   std::string look_warning_;
 };
 

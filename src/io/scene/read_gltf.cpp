@@ -1,9 +1,11 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 
 #include "doppel/core/as_size.h"
 #include "doppel/io/scene/finish_scene.h"
+#include "doppel/io/scene/gltf_draco.h"
 #include "doppel/io/scene/gltf_file.h"
 #include "doppel/io/scene/readers.h"
 #include "doppel/io/scene/scene_images.h"
@@ -47,6 +49,8 @@ class GltfReader {
   void read_skins();
   void read_primitives();
   void read_primitive(const Json& entry, const std::string& where, ScenePrimitive& primitive);
+  void count_faces(std::size_t triangles);
+  void check_corner(double corner, const ScenePrimitive& primitive, const std::string& where) const;
   bool read_faces(const Json& entry, const std::string& where, ScenePrimitive& primitive);
   void read_uvs(const Json& attributes, ScenePrimitive& primitive) const;
   void read_colours(const Json& attributes, ScenePrimitive& primitive) const;
@@ -55,6 +59,8 @@ class GltfReader {
   void read_animations();
   bool read_channel(const Json& animation, const Json& entry, const std::string& where, SceneChannel& channel);
   std::size_t accessor_of(const Json& attributes, const std::string& name) const;
+  std::optional<GltfNumbers> attribute(const Json& attributes, const std::string& name, std::size_t width,
+                                       const char* what) const;
 
   GltfFile file_;
   SceneLimits limits_;
@@ -67,6 +73,7 @@ class GltfReader {
   std::vector<TextureUse> uses_;
   SceneImages scene_images_;
   std::map<int, cv::Mat> images_;
+  std::optional<DracoPrimitive> draco_;  ///< of the primitive that is read
   long left_out_ = 0, unnormalised_ = 0, keys_ = 0;
   std::int64_t vertices_ = 0, faces_ = 0;
   bool morphs_ = false;
@@ -77,6 +84,18 @@ constexpr std::size_t kNoAccessor = static_cast<std::size_t>(-1);
 std::size_t GltfReader::accessor_of(const Json& attributes, const std::string& name) const {
   if (!attributes.contains(name)) return kNoAccessor;
   return as_size(file_.index(attributes, name.c_str(), file_.list("accessors").size(), "attributes", true));
+}
+
+/// The numbers of an attribute of the primitive that is read; nothing when it has none of this name.
+std::optional<GltfNumbers> GltfReader::attribute(const Json& attributes, const std::string& name, std::size_t width,
+                                                 const char* what) const {
+  const std::size_t accessor = accessor_of(attributes, name);
+  if (accessor == kNoAccessor) return std::nullopt;
+  if (!draco_ || !draco_->attributes.contains(name)) return file_.numbers(accessor, width, what);
+  const GltfNumbers& numbers = draco_->attributes.at(name);
+  if (width != 0 && numbers.width != width)
+    file_.fail_here("{} ({}) in the Draco stream has {} values per row, expected {}", name, what, numbers.width, width);
+  return numbers;
 }
 
 Eigen::Affine3d column_major(const double* values) {
@@ -130,7 +149,13 @@ cv::Mat GltfReader::read_texture(const Json& info, const std::string& where) {
   const Json& webp = file_.object(file_.object(entry, "extensions"), "EXT_texture_webp");
   if (image < 0 && !webp.empty()) image = file_.index(webp, "source", images, element);
   if (image < 0) {
-    scene_.warnings.push_back(fmt::format("{} is in a format that is not read; its base colour is used", element));
+    const bool basis = file_.object(entry, "extensions").contains("KHR_texture_basisu");
+    scene_.warnings.push_back(fmt::format(
+        "{} is {}; its base colour is used", element,
+        basis
+            ? "a KTX2 image of Basis Universal (KHR_texture_basisu), which is not read. Write the file with images in "
+              "PNG, JPEG or WebP (gltfpack: leave out -tc and -tu)"
+            : "in a format that is not read"));
     return {};
   }
   if (const auto known = images_.find(image); known != images_.end()) return known->second;
@@ -159,8 +184,9 @@ void GltfReader::read_materials() {
     TextureUse use;
     if (!info.empty()) {
       material.texture = read_texture(info, where);
-      use.set = static_cast<int>(std::clamp(file_.number(info, "texCoord", 0, where), 0.0, 99.0));
       const Json& moved = file_.object(file_.object(info, "extensions"), "KHR_texture_transform");
+      const double set = file_.number(moved, "texCoord", file_.number(info, "texCoord", 0, where), where);
+      use.set = static_cast<int>(std::clamp(set, 0.0, 99.0));
       const auto offset = file_.vector(moved, "offset", 2, where), scale = file_.vector(moved, "scale", 2, where);
       const double turn = file_.number(moved, "rotation", 0, where);
       const Eigen::Vector2d s = scale.empty() ? Eigen::Vector2d(1, 1) : Eigen::Vector2d(scale[0], scale[1]);
@@ -203,9 +229,28 @@ Triangle corners_of(int mode, int t) {
   return {3 * t, 3 * t + 1, 3 * t + 2};
 }
 
+/// Counts triangles. @throws FileError when they are too many
+void GltfReader::count_faces(std::size_t triangles) {
+  faces_ += static_cast<std::int64_t>(triangles);
+  if (faces_ > limits_.triangles)
+    file_.fail_here("the file has more than {} triangles, which is the most that is read", limits_.triangles);
+}
+
+void GltfReader::check_corner(double corner, const ScenePrimitive& primitive, const std::string& where) const {
+  if (!(corner >= 0) || corner >= primitive.num_vertices())
+    file_.fail_here("a triangle of {} names vertex {}, but there are {}", where, corner, primitive.num_vertices());
+}
+
 bool GltfReader::read_faces(const Json& entry, const std::string& where, ScenePrimitive& primitive) {
   const int mode = file_.whole(entry, "mode", 4, where);
   if (mode < 4 || mode > 6) return false;
+  if (draco_) {
+    count_faces(draco_->faces.size());
+    for (const Triangle& face : draco_->faces)
+      for (const int corner : face) check_corner(corner, primitive, where);
+    primitive.faces = draco_->faces;
+    return true;
+  }
   std::vector<double> corners;
   const std::size_t indices = accessor_of(entry, "indices");
   if (indices != kNoAccessor) {
@@ -213,14 +258,10 @@ bool GltfReader::read_faces(const Json& entry, const std::string& where, ScenePr
   } else {
     for (int v = 0; v < primitive.num_vertices(); ++v) corners.push_back(v);
   }
-  for (const double corner : corners)
-    if (!(corner >= 0) || corner >= primitive.num_vertices())
-      file_.fail_here("a triangle of {} names vertex {}, but there are {}", where, corner, primitive.num_vertices());
+  for (const double corner : corners) check_corner(corner, primitive, where);
   const int count = static_cast<int>(corners.size());
   const int triangles = mode == 4 ? count / 3 : std::max(0, count - 2);
-  faces_ += triangles;
-  if (faces_ > limits_.triangles)
-    file_.fail_here("the file has more than {} triangles, which is the most that is read", limits_.triangles);
+  count_faces(as_size(triangles));
   primitive.faces.reserve(triangles);
   for (int t = 0; t < triangles; ++t) {
     Triangle face = corners_of(mode, t);
@@ -232,35 +273,31 @@ bool GltfReader::read_faces(const Json& entry, const std::string& where, ScenePr
 
 void GltfReader::read_uvs(const Json& attributes, ScenePrimitive& primitive) const {
   const TextureUse use = primitive.material >= 0 ? uses_[primitive.material] : TextureUse();
-  const std::size_t accessor = accessor_of(attributes, fmt::format("TEXCOORD_{}", use.set));
-  if (accessor == kNoAccessor) return;
-  const GltfNumbers uvs = file_.numbers(accessor, 2, "texture coordinates");
-  if (uvs.count != primitive.vertices.size()) return;
-  for (std::size_t v = 0; v < uvs.count; ++v) {
-    const Eigen::Vector2d uv = use.transform * Eigen::Vector3d(uvs.row(v)[0], uvs.row(v)[1], 1.0);
+  const auto uvs = attribute(attributes, fmt::format("TEXCOORD_{}", use.set), 2, "texture coordinates");
+  if (!uvs || uvs->count != primitive.vertices.size()) return;
+  for (std::size_t v = 0; v < uvs->count; ++v) {
+    const Eigen::Vector2d uv = use.transform * Eigen::Vector3d(uvs->row(v)[0], uvs->row(v)[1], 1.0);
     primitive.uvs.emplace_back(uv.x(), 1.0 - uv.y());
   }
   primitive.face_uvs = primitive.faces;
 }
 
 void GltfReader::read_colours(const Json& attributes, ScenePrimitive& primitive) const {
-  const std::size_t accessor = accessor_of(attributes, "COLOR_0");
-  if (accessor == kNoAccessor) return;
-  const GltfNumbers colours = file_.numbers(accessor, 0, "colours");
-  if (colours.width < 3 || colours.count != primitive.vertices.size()) return;
-  for (std::size_t v = 0; v < colours.count; ++v)
-    primitive.colours.emplace_back(srgb(colours.row(v)[0]), srgb(colours.row(v)[1]), srgb(colours.row(v)[2]));
+  const auto colours = attribute(attributes, "COLOR_0", 0, "colours");
+  if (!colours || colours->width < 3 || colours->count != primitive.vertices.size()) return;
+  for (std::size_t v = 0; v < colours->count; ++v)
+    primitive.colours.emplace_back(srgb(colours->row(v)[0]), srgb(colours->row(v)[1]), srgb(colours->row(v)[2]));
 }
 
 void GltfReader::read_weights(const Json& attributes, const std::string& where, ScenePrimitive& primitive) {
   if (primitive.skin < 0) return;
   std::vector<GltfNumbers> joints, weights;
   for (int set = 0;; ++set) {
-    const std::size_t j = accessor_of(attributes, fmt::format("JOINTS_{}", set));
-    const std::size_t w = accessor_of(attributes, fmt::format("WEIGHTS_{}", set));
-    if (j == kNoAccessor || w == kNoAccessor) break;
-    joints.push_back(file_.numbers(j, 4, "joints of vertices"));
-    weights.push_back(file_.numbers(w, 4, "skinning weights"));
+    auto j = attribute(attributes, fmt::format("JOINTS_{}", set), 4, "joints of vertices");
+    auto w = attribute(attributes, fmt::format("WEIGHTS_{}", set), 4, "skinning weights");
+    if (!j || !w) break;
+    joints.push_back(std::move(*j));
+    weights.push_back(std::move(*w));
     if (joints.back().count != primitive.vertices.size() || weights.back().count != primitive.vertices.size())
       file_.fail_here("{} has {} vertices but {} rows of joints and {} of weights", where, primitive.vertices.size(),
                       joints.back().count, weights.back().count);
@@ -299,11 +336,11 @@ void GltfReader::read_primitive(const Json& entry, const std::string& where, Sce
   const std::size_t positions = accessor_of(attributes, "POSITION");
   if (positions == kNoAccessor) return;
   // A file that does not require the extension has the numbers also without compression.
-  const bool draco = !file_.object(file_.object(entry, "extensions"), "KHR_draco_mesh_compression").empty();
-  if (draco &&
+  draco_.reset();
+  if (file_.object(file_.object(entry, "extensions"), "KHR_draco_mesh_compression").size() > 0 &&
       file_.index(file_.list("accessors")[positions], "bufferView", file_.list("bufferViews").size(), where) < 0)
-    file_.fail_here("{} is compressed by Draco, which is not read; export the file without compression", where);
-  const GltfNumbers points = file_.numbers(positions, 3, "positions");
+    draco_ = read_draco(file_, entry, limits_, where);
+  const GltfNumbers points = attribute(attributes, "POSITION", 3, "positions").value();
   vertices_ += static_cast<std::int64_t>(points.count);
   if (vertices_ > limits_.vertices)
     file_.fail_here("the file has more than {} vertices, which is the most that is read", limits_.vertices);

@@ -15,10 +15,12 @@
 #include "doppel/character/blend_skin.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/io/figure_export/compressed_figure.h"
 #include "support/gltf_pose.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
+#include "support/unpacked_glb.h"
 
 namespace doppel::splat_rig_test {
 namespace {
@@ -278,6 +280,31 @@ TEST(SplatRig, TheWriterSaysHowFarTheCentresAreOff) {
   const auto found = file.vertices((kFrames - 1) / kRate);
   EXPECT_LT(mean_distance_mm(found, posed_centres(subject.rig(), subject.character.skeleton, subject.clip.dofs.back())),
             0.5);  // the tolerance of the keys, along the chain
+}
+
+TEST(SplatRig, ACompressedFileMovesAsThePlainOne) {
+  const TemporaryFolder folder;
+  Subject subject(SkinningMode::linear);
+  const SplatRig rig = subject.rig();
+  const FigureTracks tracks = thin_tracks(rig.figure, subject.character.skeleton, subject.clip, {}, 1e-4);
+  const CompressedFigure packed = compress_figure(rig.figure, {}, tracks);
+  write_splat_rig(folder / "plain.glb", "anna", rig, tracks, kRate);
+  write_splat_rig(folder / "packed.glb", "anna", {rig.splats, packed.figure}, packed.tracks, kRate, packed.steps);
+  support::GltfWriter::write(folder / "unpacked.glb", support::unpacked_glb(read_file(folder / "packed.glb")));
+  const GltfPose plain(folder / "plain.glb"), unpacked(folder / "unpacked.glb");
+  const auto wanted = plain.vertices(1 / kRate), found = unpacked.vertices(1 / kRate);
+  ASSERT_EQ(wanted.size(), found.size());
+  for (std::size_t i = 0; i < wanted.size(); ++i)
+    EXPECT_LE(1000 * (wanted[i] - found[i]).norm(), packed.error.worst + 0.002);
+  EXPECT_LE(packed.error.worst, 0.1);
+  const auto& attributes = plain.primitive()["attributes"];
+  for (const auto& [name, accessor] : attributes.items()) {
+    if (name == "POSITION" || name == "JOINTS_0") continue;
+    const auto exact = plain.rows(accessor.get<int>()), rounded = unpacked.rows(accessor.get<int>());
+    for (std::size_t i = 0; i < exact.size(); ++i)
+      for (std::size_t c = 0; c < exact[i].size(); ++c) EXPECT_NEAR(rounded[i][c], exact[i][c], 0x1p-11) << name;
+  }
+  EXPECT_LT(2 * std::filesystem::file_size(folder / "packed.glb"), std::filesystem::file_size(folder / "plain.glb"));
 }
 
 TEST(SplatRig, TheWriterTakesTheSurfaceNearestToTheFrames) {
