@@ -57,15 +57,15 @@ BodyJoints without_fingers(BodyJoints joints) {
   return joints;
 }
 
-/// The parametric body's fingers have proportions and knuckles of their own, so its joints are not met exactly; a
-/// finger is 17 mm wide, and 20 mm from its neighbour.
+/// The parametric body's fingers have proportions and knuckles of their own, so its joints are not met exactly. A
+/// finger is 17 mm wide, so its tip on the surface is up to 8.5 mm from the point inside; the next one is 20 mm away.
 void expect_fingers_near(const BodyJoints& found, const BodyJoints& expected) {
   for (const char* side : kSides) {
     ASSERT_TRUE(has_fingers(found, side));
     for (const Finger& finger : kFingers)
       for (int k = 1; k <= kFingerPoints; ++k) {
         const std::string name = finger_point(side, finger, k);
-        EXPECT_LT((found.at(name) - expected.at(name)).norm(), k == kFingerPoints ? 0.006 : 0.016) << name;
+        EXPECT_LT((found.at(name) - expected.at(name)).norm(), k == kFingerPoints ? 0.0085 : 0.018) << name;
       }
     EXPECT_EQ(found.at(side + std::string("hand")), found.at(side + std::string("middle_finger1")));
     EXPECT_EQ(found.at(side + std::string("fingertip")), found.at(side + std::string("middle_finger4")));
@@ -92,16 +92,17 @@ TEST(FindFingers, MeetsThemInTurnedHandsWithBentFingers) {
   expect_fingers_near(joints, body.joints);
 }
 
-TEST(FindFingers, LeavesAFistAsItIs) {
-  std::map<std::string, double> fist;
-  for (const char* finger : {"Index", "Middle", "Ring", "Pinky"}) {
-    fist[std::string("LeftHand") + finger + "1_rz"] = 1.5;
-    fist[std::string("LeftHand") + finger + "2_rz"] = 1.7;
-  }
-  const PosedBody body = posed_body(fist);
+TEST(FindFingers, LeavesAHandWithoutOneOfItsFingers) {
+  PosedBody body = posed_body({});
+  const Vector3d middle = body.joints.at("left_pinky_finger3");
+  std::erase_if(body.mesh.faces, [&](const Triangle& face) {
+    const Vector3d& corner = body.mesh.vertices[static_cast<std::size_t>(face[0])];
+    return (corner - middle).norm() < (body.joints.at("left_pinky_finger2") - middle).norm();
+  });
   BodyJoints joints = without_fingers(body.joints);
-  EXPECT_THAT(find_fingers(body.mesh, joints),
-              ElementsAre(HasSubstr("the left hand moves as one piece"), "the right hand has five fingers"));
+  EXPECT_THAT(
+      find_fingers(body.mesh, joints),
+      ElementsAre(HasSubstr("the left hand moves as one piece: 4 of its fingers"), "the right hand has five fingers"));
   EXPECT_FALSE(has_fingers(joints, "left_"));
   EXPECT_TRUE(has_fingers(joints, "right_"));
 }
