@@ -7,7 +7,6 @@
 #include "doppel/core/statistics.h"
 #include "doppel/track/energy/terms/distance_term.h"
 #include "doppel/track/energy/terms/shape_prior_term.h"
-#include "doppel/track/fit/words.h"
 #include "doppel/track/multiview/shared_problem.h"
 
 namespace doppel {
@@ -45,17 +44,6 @@ std::optional<double> median_distance(const std::array<int, 2>& pair, const std:
   }
   if (distances.empty()) return std::nullopt;
   return median(std::move(distances));
-}
-
-/// Whether vertices move most with a bone of a finger, [N]. A finger is only some pixels wide, and its pose is off by
-/// as much. Outlines that are matched to the other side of a finger, or to its neighbour, make fingers thinner.
-std::vector<bool> on_fingers(const Character& character) {
-  std::vector<bool> result;
-  for (int v = 0; v < character.num_vertices(); ++v) {
-    const std::string bone = lower_case(character.skin.bones[character.skin.vertex_bones.row(v).front()]);
-    result.push_back(holds_any(bone, {"thumb", "index", "middle", "ring", "pinky"}));
-  }
-  return result;
 }
 
 }  // namespace
@@ -105,7 +93,6 @@ std::vector<double> fit_shape(const ShapeFamily& family, const std::vector<std::
   const MultiviewOptions& images = options.images;
   const ShapeSource source(family, landmarks);
   const OutlineFinder outlines(family.character(start), cameras, images.outline_pixels, images.outline_vertices);
-  const std::vector<bool> finger = on_fingers(family.character(start));
   std::vector<ShapeModel> models;
   for (const PosedEvidence& frame : frames) models.emplace_back(source, frame.dofs);
   std::vector<double> shape = start;
@@ -113,8 +100,7 @@ std::vector<double> fit_shape(const ShapeFamily& family, const std::vector<std::
     SharedProblem<ShapeModel> problem;
     for (std::size_t f = 0; f < frames.size(); ++f) {
       const PosedShape posed = models[f].pose(shape, false);
-      auto outline = outlines.find(frames[f].seen, posed_vertices(posed.poses(), posed.body));
-      std::erase_if(outline, [&](const OutlineVertex& vertex) { return finger[vertex.vertex]; });
+      const auto outline = outlines.find(frames[f].seen, posed_vertices(posed.poses(), posed.body));
       problem.add(models[f], image_terms<ShapeModel>(cameras, frames[f].seen, outline, images));
     }
     FitProblem<ShapeModel>::Terms prior;
