@@ -27,6 +27,8 @@
 #include "doppel/character/character.h"
 #include "doppel/character/loop_motion.h"
 #include "doppel/character/resample_motion.h"
+#include "doppel/character/root_motion.h"
+#include "doppel/core/angles.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
@@ -61,6 +63,7 @@ struct AnimateOptions {
   std::optional<int> morphs;
   double tolerance_mm = 0.1;
   bool loop = false;
+  std::string root = "travel";
 
   bool wants(const char* format) const { return std::find(formats.begin(), formats.end(), format) != formats.end(); }
 };
@@ -133,11 +136,6 @@ struct ResultFrames {
   double row_step = 1.0;  ///< from one frame to the next, in rows of the motion's file
 };
 
-Motion looped(const MotionFromFile& read, const Skeleton& skeleton, const FrameSteps& steps) {
-  const int stride = static_cast<int>(std::lround(steps.frame));
-  return loop_motion(read.motion, skeleton, blended_frames(read.motion.num_frames(), read.frames_per_second, stride));
-}
-
 /// The names of clips: those of their files, and numbers where they repeat.
 std::vector<std::string> clip_names(const std::vector<std::string>& files) {
   std::vector<std::string> names;
@@ -158,17 +156,49 @@ struct Clip {
   FrameSteps steps;
   ResultFrames frames;
   std::optional<RetargetResult> retargeting;
+  std::optional<GroundStep> step;  ///< of one repetition of a loop that travels
 };
+
+/// The root of a skeleton whose way can be taken out. @throws UsageError for --root in-place and another skeleton
+std::optional<Skeleton::Root> travelling_root(const AnimateOptions& options, const Character& character) {
+  const std::optional<Skeleton::Root> root = root_that_travels(character.skeleton);
+  if (!root && options.root == "in-place")
+    fail<UsageError>("--root in-place: the root of '{}' is not three translations followed by three rotations",
+                     character.name);
+  return root;
+}
+
+/// Makes the motion of a clip cyclic. Someone who comes back ends where he began. Someone who travels goes on from
+/// where he is; with --root in-place his heading closes, because his way is taken out later and his turn is not.
+void make_loop(const AnimateOptions& options, const Character& character, double fps, Clip& clip) {
+  const Skeleton& skeleton = character.skeleton;
+  const int blend = blended_frames(clip.motion.num_frames(), fps, static_cast<int>(std::lround(clip.steps.frame)));
+  const std::optional<Skeleton::Root> root = travelling_root(options, character);
+  GroundStep step;
+  if (root) step = loop_step(clip.motion, *root, blend);
+  if (options.root == "in-place") step.turn = 0.0;
+  if (options.root == "in-place" || is_travel(step)) {
+    clip.motion = travelling_loop(clip.motion, skeleton, *root, blend, step);
+    if (options.root == "travel") clip.step = step;
+  } else {
+    clip.motion = loop_motion(clip.motion, skeleton, blend);
+  }
+  if (clip.step)
+    log::info("{}: a repetition starts {:.2f} m along x and {:.2f} m along z further, turned by {:.1f} degrees",
+              clip.file, step.way().x(), step.way().y(), step.turn / kRadiansPerDegree);
+}
 
 Clip read_clip(const AnimateOptions& options, const std::string& file, const std::string& name,
                const Character& character, std::optional<double> training_rate) {
   const Rates rates = rates_of(file, {options.source_fps, options.fps, training_rate});
   MotionFromFile read = driven_motion(options, file, name, character, rates);
   const double fps = rates.result > 0 ? rates.result : read.frames_per_second;
-  Clip clip{name, file, {}, {}, frame_steps(rates, read.frames_per_second, fps), {}, std::move(read.retargeting)};
+  Clip clip{name, file, {}, {}, frame_steps(rates, read.frames_per_second, fps), {}, std::move(read.retargeting), {}};
   clip.frames = {fps, is_foreign_motion(file) ? 1.0 : row_step(rates, fps)};
-  clip.motion = options.loop ? looped(read, character.skeleton, clip.steps) : read.motion;
+  clip.motion = std::move(read.motion);
+  if (options.loop) make_loop(options, character, read.frames_per_second, clip);
   clip.written = resample(clip.motion, character.skeleton, clip.steps.frame);
+  if (options.root == "in-place") clip.written = in_place(*travelling_root(options, character), clip.written);
   return clip;
 }
 
@@ -590,6 +620,9 @@ nlohmann::json clips_json(const std::vector<Clip>& clips) {
                          {"frames", clip.written.num_frames()},
                          {"frames_per_second", clip.frames.per_second}};
     if (clip.retargeting) entry["retargeting"] = retargeting_json(*clip.retargeting);
+    if (clip.step)
+      entry["loop"] = {{"way_m", {clip.step->way().x(), clip.step->way().y()}},
+                       {"turn_degrees", clip.step->turn / kRadiansPerDegree}};
     list.push_back(entry);
   }
   return list;
@@ -618,7 +651,7 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
   std::vector<MotionPart> parts;
   int frames = 0;
   for (const Clip& clip : clips) {
-    parts.push_back({clip.motion, clip.steps});
+    parts.push_back({clip.motion, clip.steps, options.root == "in-place"});
     frames += clip.written.num_frames();
   }
   const auto start = std::chrono::steady_clock::now();
@@ -697,7 +730,12 @@ void add_motion_options(CLI::App& app, AnimateOptions& options) {
       ->check(CLI::Range(0.1, 1000.0));
   app.add_flag("--loop", options.loop,
                "Make the motion cyclic: its last half second (at most a quarter of it) is blended into the "
-               "first");
+               "first; a person who travels goes on from where he is in the next repetition");
+  app.add_option("--root", options.root,
+                 "travel: the character goes where the motion goes; in-place: its root stays above one point of the "
+                 "ground, for programs that move it themselves")
+      ->check(CLI::IsMember({"travel", "in-place"}))
+      ->capture_default_str();
 }
 
 void add_camera_options(CLI::App& app, AnimateOptions& options) {

@@ -505,6 +505,43 @@ TEST_F(ProgramRecovers, AFigureThatIsNoHumanOfVrmIsRefusedBeforeItsFrames) {
   EXPECT_FALSE(std::filesystem::exists(at("avatar/vertices.npy")));
 }
 
+TEST_F(ProgramRecovers, APersonWhoWalksOnDoesSoInALoop) {
+  // The test movement, carried along x by 0.1 m a frame.
+  std::istringstream given(read_file(at("capture/testing/skeletoolToGTPose/poseAngles.motion")));
+  std::string walk, line;
+  std::getline(given, line);
+  walk = line + "\n";
+  for (int frame = 0; std::getline(given, line); ++frame) {
+    std::istringstream row(line);
+    int id = 0;
+    double x = 0.0;
+    row >> id >> x;
+    walk += fmt::format("{} {}{}\n", id, x + 0.1 * frame, std::string(std::istreambuf_iterator<char>(row), {}));
+  }
+  write_atomically(at("walk.motion"), walk);
+  const std::string play = "animate --json --loop --source-fps 25 --format npy,motion --motion " + at("walk.motion") +
+                           " --character " + character_file(at("capture/character"), ".character") + " --out ";
+  const Outcome travels = run(play + at("walk_on")), stays = run(play + at("walk_here") + " --root in-place");
+  ASSERT_EQ(travels.code, 0) << travels.err;
+  ASSERT_EQ(stays.code, 0) << stays.err;
+  const nlohmann::json clip = nlohmann::json::parse(travels.out)["clips"][0];
+  EXPECT_NEAR(clip["loop"]["way_m"][0].get<double>(), 0.1 * clip["frames"].get<int>(), 0.15);
+  EXPECT_FALSE(nlohmann::json::parse(stays.out)["clips"][0].contains("loop"));
+  const auto middle = [&](const std::string& name, std::int64_t frame) {
+    const NpyArray array = read_npy(at(name));
+    const std::vector<float> values = array.as<float>();
+    const auto row = static_cast<std::size_t>(3 * array.shape[1]), first = static_cast<std::size_t>(frame) * row;
+    double sum = 0.0;
+    for (std::size_t i = 0; i < row; i += 3) sum += values[first + i];
+    return sum / static_cast<double>(array.shape[1]);
+  };
+  const auto last = clip["frames"].get<std::int64_t>() - 1;
+  for (std::int64_t t = 0; t < last; ++t)
+    EXPECT_NEAR(middle("walk_on/vertices.npy", t + 1) - middle("walk_on/vertices.npy", t), 0.1, 0.08) << t;
+  for (const std::int64_t t : {last / 2, last})
+    EXPECT_NEAR(middle("walk_here/vertices.npy", t), middle("walk_here/vertices.npy", 0), 0.1) << t;
+}
+
 TEST_F(ProgramRecovers, SeveralMotionsBecomeAnimationsOfOneFile) {
   const std::string testing = at("capture/testing/skeletoolToGTPose/poseAngles.motion"),
                     training = at("capture/training/skeletoolToGTPose/poseAngles.motion"),

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "doppel/character/resample_motion.h"
 #include "doppel/core/as_size.h"
@@ -77,9 +78,34 @@ class Windows {
   FrameSteps steps_;
 };
 
-/// Poses the frames of one motion and passes them to the writers.
-void pose_frames(const Character& character, const Windows& window, const ActorFunction& geometry,
-                 const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile& profile, Progress& progress) {
+/// Keeps the root of frames above one point of the ground.
+class HeldRoot {
+ public:
+  /// @param first the window of the first frame
+  HeldRoot(const Skeleton& skeleton, const torch::Tensor& first) : root_(skeleton.root()), first_(last_row(first)) {}
+
+  /// @param vertices [N,3] @param window [F+1,D]; both are changed
+  void hold(const torch::Tensor& vertices, const torch::Tensor& window) const {
+    const torch::Tensor now = last_row(window);
+    for (const int axis : {0, 2}) {
+      const int dof = root_.translation[axis];
+      const double way = now[dof].item<double>() - first_[dof].item<double>();
+      window.select(1, dof) -= way;
+      vertices.select(1, axis) -= root_.translation_weight[axis] * way;
+    }
+  }
+
+ private:
+  static torch::Tensor last_row(const torch::Tensor& window) { return window[window.size(0) - 1].clone(); }
+
+  Skeleton::Root root_;
+  torch::Tensor first_;
+};
+
+/// Poses the frames of one motion and passes them to the writers. @param held nothing: the root travels
+void pose_frames(const Character& character, const Windows& window, const std::optional<HeldRoot>& held,
+                 const ActorFunction& geometry, const std::vector<std::unique_ptr<SequenceWriter>>& writers,
+                 Profile& profile, Progress& progress) {
   const int frames = window.count();
   for (int first = 0; first < frames; first += kFramesAtOnce) {
     if (stop_requested()) fail("animating {}: stopped at frame {} of {}", character.name, first, frames);
@@ -94,6 +120,7 @@ void pose_frames(const Character& character, const Windows& window, const ActorF
     if (!torch::isfinite(vertices).all().item<bool>())
       fail("animating {}: frame {} or one of the next {} has positions that are not finite", character.name, first,
            last - first - 1);
+    for (int f = first; held && f < last; ++f) held->hold(vertices[f - first], windows[f - first]);
     for (int f = first; f < last; ++f)
       for (const auto& writer : writers) writer->write({frame_of(vertices, f - first), windows[f - first]});
     progress.advance(last - first);
@@ -145,8 +172,11 @@ void animate(const Character& character, std::span<const MotionPart> parts, int 
     frames += windows.emplace_back(character, part.motion, past_frames, part.steps).count();
   }
   Progress progress("animate", frames);
-  for (const Windows& window : windows)
-    pose_frames(character, window, geometry, writers, profile ? *profile : unused, progress);
+  for (std::size_t i = 0; i < windows.size(); ++i) {
+    std::optional<HeldRoot> held;
+    if (parts[i].in_place) held.emplace(character.skeleton, windows[i].at(0));
+    pose_frames(character, windows[i], held, geometry, writers, profile ? *profile : unused, progress);
+  }
   for (const auto& writer : writers) writer->close();
 }
 

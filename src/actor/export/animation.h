@@ -46,6 +46,9 @@ struct FrameSteps {
 struct MotionPart {
   const Motion& motion;
   FrameSteps steps = {};
+  /// The geometry is that of the motion, and then it is moved along the ground, so that the root of the skeleton stays
+  /// above one point, where it is in the first frame. The windows that writers get are those of the moved motion.
+  bool in_place = false;
 };
 
 /// The motion window of a frame: rows [frame - F, frame] of a motion, oldest first. The first row is repeated where

@@ -474,6 +474,32 @@ TEST(AnimationReference, MotionsOneAfterTheOtherKnowNothingOfEachOther) {
   EXPECT_TRUE(std::equal(second.begin(), second.end(), both.end() - static_cast<std::ptrdiff_t>(second.size())));
 }
 
+TEST(AnimationReference, InPlaceTheGeometryIsMovedAlongTheGroundAlone) {
+  const TemporaryFolder folder;
+  Actor actor;
+  const Motion motion = test_motion(actor.character.num_dofs(), 20);
+  const auto forward = [&](const torch::Tensor& window) { return actor.forward(window); };
+  const auto vertices = [&](const char* name, bool in_place) {
+    std::vector<std::unique_ptr<SequenceWriter>> writers;
+    writers.push_back(make_npy_writer(folder / name, actor.character.num_vertices()));
+    animate(actor.character, std::vector<MotionPart>{{motion, {}, in_place}}, actor.description.past_frames, forward,
+            writers);
+    return read_npy(folder / name / "vertices.npy").as<float>();
+  };
+  const std::vector<float> travels = vertices("travels", false), stays = vertices("stays", true);
+  ASSERT_EQ(stays.size(), travels.size());
+  const Skeleton::Root root = actor.character.skeleton.root();
+  const std::size_t row = travels.size() / 20;
+  for (std::size_t t = 0; t < 20; ++t)
+    for (std::size_t i = 0; i < row; ++i) {
+      const std::size_t axis = i % 3;
+      const auto dof = static_cast<std::size_t>(root.translation[axis]);
+      const double way =
+          axis == 1 ? 0.0 : root.translation_weight[axis] * (motion.frames[t][dof] - motion.frames[0][dof]);
+      ASSERT_NEAR(stays[t * row + i], travels[t * row + i] - way, 1e-5) << t;
+    }
+}
+
 TEST(AnimationRejects, AMotionOfAnotherSkeleton) {
   const TemporaryFolder folder;
   const Character character = make_test_character();
