@@ -40,6 +40,9 @@ struct MorphTargets {
   Eigen::MatrixXd weights;                ///< [T, K], 0 to 1
   int at_once = 0;                        ///< largest number of targets that a frame may use
   bool exhausted = false;                 ///< vertices are more than 5 mm off, because more targets are not allowed
+  /// [K] unique: `Frames2_Way1`, `Frames2_Way2`, ... are the components of the second group of frames, largest first,
+  /// and `Frames2_Base` is what all of them start from.
+  std::vector<std::string> names;
 
   int count() const { return static_cast<int>(targets.size()); }
 };

@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
@@ -251,8 +253,9 @@ Eigen::MatrixX3f rows_of(const Eigen::VectorXf& values) {
 
 /// Adds the targets of a group. Their weights are 0 to 1, because programs clamp others: the smallest weight of each
 /// component goes into the mean, which becomes a target with weight 1.
-/// @param count largest number of targets
-void add_targets(const GroupFit& fit, const std::vector<int>& frames, int count, MorphTargets& morphs) {
+/// @param count largest number of targets @param group number of the group, for the names
+void add_targets(const GroupFit& fit, const std::vector<int>& frames, int count, std::size_t group,
+                 MorphTargets& morphs) {
   const Basis basis = fit.basis_of(frames, count);
   const Eigen::Index before = morphs.weights.cols(), added = basis.components.cols() + 1;
   Eigen::MatrixXf weights(added - 1, static_cast<Eigen::Index>(frames.size()));
@@ -269,9 +272,11 @@ void add_targets(const GroupFit& fit, const std::vector<int>& frames, int count,
       morphs.weights(frames[i], before + k) =
           static_cast<double>(weights(k, static_cast<Eigen::Index>(i)) - least) / static_cast<double>(range);
     morphs.targets.push_back(rows_of(range * basis.components.col(k)));
+    morphs.names.push_back(fmt::format("Frames{}_Way{}", group, k + 1));
   }
   for (const int frame : frames) morphs.weights(frame, before + added - 1) = 1.0;
   morphs.targets.push_back(rows_of(constant));
+  morphs.names.push_back(fmt::format("Frames{}_Base", group));
 }
 
 /// The numbers of targets to try that may move at once, rising.
@@ -303,7 +308,7 @@ MorphTargets fit_morphs(const Figure& figure, const Skeleton& skeleton, const Fi
     at_once = counts[c];
   }
   morphs.exhausted = best.exhausted;
-  for (const Group* group : best.groups) add_targets(fit, group->frames, at_once, morphs);
+  for (std::size_t g = 0; g < best.groups.size(); ++g) add_targets(fit, best.groups[g]->frames, at_once, g + 1, morphs);
   return morphs;
 }
 

@@ -1,5 +1,6 @@
 #include "doppel/io/figure_export/usda_text.h"
 
+#include <array>
 #include <cctype>
 #include <fstream>
 
@@ -30,6 +31,36 @@ std::string usda_layer(const std::string& root, const FigureClip& clip) {
                      root, clip.num_frames() - 1, clip.frames_per_second);
 }
 
+std::string usda_root(const char* type, const std::string& root) {
+  return fmt::format("\ndef {} \"{}\" (\n    kind = \"component\"\n)\n{{\n", type, root);
+}
+
+std::string usda_normals(const TriangleMesh& mesh, const std::vector<float>& vertices) {
+  TriangleMesh moved;
+  moved.faces = mesh.faces;
+  for (std::size_t i = 0; i + 3 <= vertices.size(); i += 3)
+    moved.vertices.emplace_back(vertices[i], vertices[i + 1], vertices[i + 2]);
+  return usda_list(vertex_normals(moved), [](std::string& out, const Eigen::Vector3d& normal) {
+    const Eigen::Vector3d n = normal.squaredNorm() < 0.5 ? Eigen::Vector3d(0.0, 1.0, 0.0) : normal;
+    fmt::format_to(std::back_inserter(out), "({:.4f}, {:.4f}, {:.4f})", n.x(), n.y(), n.z());
+  });
+}
+
+std::string usda_extent(const std::vector<float>& vertices) {
+  const Eigen::Map<const Eigen::Matrix3Xf> points(vertices.data(), 3, static_cast<Eigen::Index>(vertices.size() / 3));
+  const std::array<Eigen::Vector3f, 2> corners{points.rowwise().minCoeff(), points.rowwise().maxCoeff()};
+  return usda_list(corners, [](std::string& out, const Eigen::Vector3f& corner) {
+    fmt::format_to(std::back_inserter(out), "({:.7g}, {:.7g}, {:.7g})", corner.x(), corner.y(), corner.z());
+  });
+}
+
+std::vector<float> flat_vertices(const std::vector<Eigen::Vector3d>& positions) {
+  std::vector<float> values;
+  for (const Eigen::Vector3d& position : positions)
+    for (int axis = 0; axis < 3; ++axis) values.push_back(static_cast<float>(position[axis]));
+  return values;
+}
+
 std::string usda_surface_schemas(bool textured, const std::string& schemas) {
   const std::string material = textured ? "\"MaterialBindingAPI\"" : "";
   const std::string all = schemas + (schemas.empty() || material.empty() ? "" : ", ") + material;
@@ -43,7 +74,7 @@ std::string usda_topology(const std::string& root, const TriangleMesh& mesh, boo
   const auto pair = [](std::string& text, const Eigen::Vector2d& uv) {
     fmt::format_to(std::back_inserter(text), "({:.7g}, {:.7g})", uv.x(), uv.y());
   };
-  std::string text = "        uniform token subdivisionScheme = \"none\"\n";
+  std::string text = "        uniform token subdivisionScheme = \"none\"\n        uniform bool doubleSided = 1\n";
   if (textured) text += fmt::format("        rel material:binding = </{}/Material>\n", root);
   text += "        int[] faceVertexCounts = " +
           usda_list(mesh.faces, [](std::string& out, const Triangle&) { out += '3'; }) + "\n" +

@@ -27,21 +27,21 @@ struct FigureFile {
 };
 
 /// Writes a binary glTF 2.0 file: the skinned mesh with morph targets, the texture as PNG, an animation for each part
-/// of the clip. Metres, y up. Vertices are split where the UVs are; the attribute `_VERTEX` says which vertex of the
-/// mesh each of them is. With authors it has the extension VRMC_vrm, for which the figure needs the bone names of VRM
-/// (vrm.h), and its nodes rest in a T-pose. Mesh, weights and inverse bind matrices stay those of the figure's rest
-/// pose.
+/// of the clip. Metres, y up. Names of morph targets are in `extras.targetNames` of the mesh. Vertices are split where
+/// the UVs are; the attribute `_VERTEX` says which vertex of the mesh each of them is. With authors it has the
+/// extension VRMC_vrm, for which the figure needs the bone names of VRM (vrm.h), and its nodes rest in a T-pose. Mesh,
+/// weights and inverse bind matrices stay those of the figure's rest pose.
 /// @throws Error when the file cannot be written, or would be larger than 4 GB; UsageError as vrm_extension
 void write_glb(const std::filesystem::path& path, const FigureFile& file, const Figure& figure,
                const MorphTargets& morphs, const FigureTracks& tracks);
 
-/// Writes OpenUSD text: a mesh with one set of points per frame, its UVs, and a material with the texture, which is
-/// written beside it as `<stem>.png`. Metres, y up.
+/// Writes OpenUSD text: a mesh with points, normals and extent of each frame, its UVs, and a material with the texture,
+/// which is written beside it as `<stem>.png`. Metres, y up.
 void write_usda(const std::filesystem::path& path, const FigureFile& file);
 
-/// Writes OpenUSD text with a skeleton (UsdSkel): the rest mesh with linear blend skinning, the animation of the
-/// joints, the morph targets as blend shapes, and a material with the texture. Every frame has a sample of its own.
-/// Metres, y up.
+/// Writes OpenUSD text with a skeleton (UsdSkel): the rest mesh with normals and linear blend skinning, the animation
+/// of the joints, the morph targets as blend shapes by their names, the extent of each frame, and a material with the
+/// texture. Every frame has a sample of its own; the values without a time are those of the first. Metres, y up.
 /// @param texture name of the image, which is written beside the file
 void write_usda_skel(const std::filesystem::path& path, const FigureFile& file, const Figure& figure,
                      const MorphTargets& morphs, const FigureTracks& tracks, const std::string& texture);

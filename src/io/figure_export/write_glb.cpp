@@ -58,6 +58,13 @@ std::vector<Eigen::Vector3d> normals_of(const TriangleMesh& mesh, const Eigen::M
   return normals;
 }
 
+/// Where programs look for the names of morph targets, which glTF itself does not have.
+tinygltf::Value target_names(const std::vector<std::string>& names) {
+  tinygltf::Value::Array list;
+  for (const std::string& name : names) list.emplace_back(name);
+  return tinygltf::Value(tinygltf::Value::Object{{"targetNames", tinygltf::Value(std::move(list))}});
+}
+
 class GlbWriter {
  public:
   GlbWriter(const FigureFile& file, const Figure& figure, const MorphTargets& morphs, const FigureTracks& tracks)
@@ -96,6 +103,7 @@ class GlbWriter {
     mesh.name = file_.name;
     mesh.primitives.push_back(primitive);
     mesh.weights.assign(morphs_.count(), 0.0);
+    if (!morphs_.names.empty()) mesh.extras = target_names(morphs_.names);
     model_.meshes.push_back(mesh);
   }
 

@@ -19,12 +19,20 @@ void write_usda(const std::filesystem::path& path, const FigureFile& file) {
   const std::string root = usda_name(file.name), texture = path.stem().string() + ".png";
   const bool textured = write_usda_texture(path, file.mesh, texture);
   write_usda_text(path, [&](std::ostream& out) {
-    out << usda_layer(root, file.clip) << "\ndef Xform \"" << root << "\"\n{\n    def Mesh \"Surface\""
+    out << usda_layer(root, file.clip) << usda_root("Xform", root) << "    def Mesh \"Surface\""
         << usda_surface_schemas(textured, "") << "\n    {\n"
-        << usda_topology(root, file.mesh, textured) << "        point3f[] points.timeSamples = {\n";
-    for (int t = 0; t < file.clip.num_frames(); ++t)
-      out << "            " << t << ": " << points_of(file.clip.vertices[t]) << ",\n";
-    out << "        }\n    }\n" << (textured ? usda_material(root, texture) : "") << "}\n";
+        << usda_topology(root, file.mesh, textured);
+    const auto samples = [&](const char* attribute, const auto& value) {
+      out << "        " << attribute << ".timeSamples = {\n";
+      for (int t = 0; t < file.clip.num_frames(); ++t)
+        out << "            " << t << ": " << value(file.clip.vertices[t]) << ",\n";
+      out << "        }\n";
+    };
+    samples("point3f[] points", points_of);
+    out << "        normal3f[] normals (\n            interpolation = \"vertex\"\n        )\n";
+    samples("normal3f[] normals", [&](const auto& vertices) { return usda_normals(file.mesh, vertices); });
+    samples("float3[] extent", usda_extent);
+    out << "    }\n" << (textured ? usda_material(root, texture) : "") << "}\n";
   });
 }
 

@@ -1,6 +1,7 @@
 #include <ostream>
 #include <set>
 
+#include "doppel/core/as_size.h"
 #include "doppel/io/figure_export/usda_text.h"
 
 namespace doppel {
@@ -55,11 +56,15 @@ class SkelWriter {
         texture_(std::move(texture)),
         root_(usda_name(file.name)),
         joints_(joint_paths(figure)) {
-    for (int k = 0; k < morphs.count(); ++k) shapes_.push_back(fmt::format("Shape_{}", k));
+    for (int k = 0; k < morphs.count(); ++k)
+      shapes_.push_back(morphs.names.empty() ? fmt::format("Shape_{}", k) : usda_name(morphs.names[as_size(k)]));
   }
 
   void write(std::ostream& out) const {
-    out << usda_layer(root_, file_.clip) << "\ndef SkelRoot \"" << root_ << "\"\n{\n";
+    out << usda_layer(root_, file_.clip) << usda_root("SkelRoot", root_);
+    write_samples(out, "    ", "float3[] extent",
+                  [this](int t) { return usda_extent(file_.clip.vertices[as_size(t)]); });
+    out << "\n";
     write_skeleton(out);
     write_animation(out);
     write_surface(out);
@@ -80,21 +85,24 @@ class SkelWriter {
         << "        rel skel:animationSource = </" << root_ << "/Animation>\n    }\n\n";
   }
 
-  /// One line per frame. @param value the text of frame t
+  /// One line per frame. Readers that take the values without a time find those of the first frame.
+  /// @param value the text of frame t
   template <typename Value>
-  void write_samples(std::ostream& out, const char* attribute, const Value& value) const {
-    out << "        " << attribute << ".timeSamples = {\n";
-    for (int t = 0; t < file_.clip.num_frames(); ++t) out << "            " << t << ": " << value(t) << ",\n";
-    out << "        }\n";
+  void write_samples(std::ostream& out, const char* indent, const char* attribute, const Value& value) const {
+    if (file_.clip.num_frames() == 0) return;
+    out << indent << attribute << " = " << value(0) << "\n" << indent << attribute << ".timeSamples = {\n";
+    for (int t = 0; t < file_.clip.num_frames(); ++t) out << indent << "    " << t << ": " << value(t) << ",\n";
+    out << indent << "}\n";
   }
 
   void write_animation(std::ostream& out) const {
     out << "    def SkelAnimation \"Animation\"\n    {\n        uniform token[] joints = " << tokens(joints_) << "\n";
-    write_samples(out, "float3[] translations", [&](int t) {
+    const char* indent = "        ";
+    write_samples(out, indent, "float3[] translations", [&](int t) {
       return usda_list(tracks_.translation,
                        [&](std::string& text, const auto& track) { write_triple(text, track[t]); });
     });
-    write_samples(out, "quatf[] rotations", [&](int t) {
+    write_samples(out, indent, "quatf[] rotations", [&](int t) {
       return usda_list(tracks_.rotation, [&](std::string& text, const auto& track) {
         const Eigen::Quaterniond& q = track[t];
         fmt::format_to(std::back_inserter(text), "({:.7g}, {:.7g}, {:.7g}, {:.7g})", q.w(), q.x(), q.y(), q.z());
@@ -104,7 +112,7 @@ class SkelWriter {
         << usda_list(joints_, [](std::string& text, const auto&) { text += "(1, 1, 1)"; }) << "\n";
     if (!shapes_.empty()) {
       out << "        uniform token[] blendShapes = " << tokens(shapes_) << "\n";
-      write_samples(out, "float[] blendShapeWeights", [&](int t) {
+      write_samples(out, indent, "float[] blendShapeWeights", [&](int t) {
         const Eigen::RowVectorXd weights = tracks_.weights.row(t);
         return usda_list(weights,
                          [](std::string& text, double w) { fmt::format_to(std::back_inserter(text), "{:.7g}", w); });
@@ -115,8 +123,11 @@ class SkelWriter {
 
   void write_surface(std::ostream& out) const {
     const bool textured = !texture_.empty();
+    const std::vector<float> rest = flat_vertices(figure_.rest_vertices);
     out << "    def Mesh \"Surface\"" << usda_surface_schemas(textured, "\"SkelBindingAPI\"") << "\n    {\n"
         << usda_topology(root_, file_.mesh, textured) << "        point3f[] points = " << vectors(figure_.rest_vertices)
+        << "\n        normal3f[] normals = " << usda_normals(file_.mesh, rest)
+        << " (\n            interpolation = \"vertex\"\n        )\n        float3[] extent = " << usda_extent(rest)
         << "\n";
     write_weights(out);
     out << "        rel skel:skeleton = </" << root_ << "/Skeleton>\n";

@@ -20,7 +20,7 @@ std::map<std::string, std::string> unity_by_vrm() {
   return names;
 }
 
-bool is_finger(const std::string& name) {
+bool is_unity_finger(const std::string& name) {
   return name.ends_with("Proximal") || name.ends_with("Intermediate") || name.ends_with("Distal");
 }
 
@@ -99,8 +99,8 @@ void VmcAvatar::turn_to_t_pose() {
     if (part.parent < 0) continue;
     const Part& parent = parts_[part.parent];
     // A hand goes on in the direction of the arm, a finger in that of the hand.
-    if (part.name.ends_with("Hand") || is_finger(part.name)) part.t_pose = parent.t_pose;
-    if (is_finger(part.name)) straighten_finger(static_cast<int>(i));
+    if (part.name.ends_with("Hand") || is_unity_finger(part.name)) part.t_pose = parent.t_pose;
+    if (is_unity_finger(part.name)) straighten_finger(static_cast<int>(i));
     part.offset = parent.t_pose * (rest_position(static_cast<int>(i)) - rest_position(part.parent));
   }
 }

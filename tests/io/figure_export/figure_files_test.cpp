@@ -93,11 +93,26 @@ TEST(Usda, HoldsTopologyPointsAndMaterial) {
   EXPECT_NE(text.find("int[] faceVertexIndices = [0, 1, 2, 0, 2, 3]"), std::string::npos);
   EXPECT_NE(text.find("2: [(2, 2.25, 2.5), (2.75, 3, 3.25)"), std::string::npos);
   EXPECT_NE(text.find("asset inputs:file = @./a.png@"), std::string::npos);
+  EXPECT_NE(text.find("float3[] extent.timeSamples = {\n            0: [(0, 0.25, 0.5), (2.25, 2.5, 2.75)],\n"),
+            std::string::npos);
   EXPECT_TRUE(std::filesystem::exists(folder / "a.png"));
   const auto count = [&](char c) { return std::count(text.begin(), text.end(), c); };
   EXPECT_EQ(count('{'), count('}'));
   EXPECT_EQ(count('('), count(')'));
   EXPECT_EQ(count('['), count(']'));
+}
+
+TEST(Usda, NormalsArePerpendicularToTheFacesOfEachFrame) {
+  const TemporaryFolder folder;
+  const TriangleMesh mesh = square();
+  FigureClip clip;
+  clip.dofs.assign(2, {});
+  clip.vertices = {{0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0}, {0, 0, 0, 0, 0, -1, 0, 1, -1, 0, 1, 0}};  // along z, then x
+  write_usda(folder / "a.usda", {"actor", mesh, clip});
+  const std::string text = read_file(folder / "a.usda"), normals = text.substr(text.find("normals.timeSamples"));
+  EXPECT_NE(normals.find("0: [(0.0000, 0.0000, 1.0000), (0.0000, 0.0000, 1.0000), "), std::string::npos) << normals;
+  EXPECT_NE(normals.find("1: [(1.0000, 0.0000, 0.0000), (1.0000, 0.0000, 0.0000), "), std::string::npos) << normals;
+  EXPECT_NE(text.find("def Xform \"actor\" (\n    kind = \"component\"\n)\n"), std::string::npos);
 }
 
 }  // namespace

@@ -1,7 +1,9 @@
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "doppel/character/blend_skin.h"
 #include "doppel/io/figure_export/write_figure.h"
@@ -73,6 +75,28 @@ TEST(WriteGlb, TheFileMovesAsTheClipByTheEquationsOfTheSpecification) {
     EXPECT_LE((made.morphs.weights.row(t).array() != 0.0).count(), 8);
   EXPECT_GE(made.morphs.weights.minCoeff(), 0.0);  // Blender clamps weights below 0
   EXPECT_LE(made.morphs.weights.maxCoeff(), 1.0 + 1e-12);
+}
+
+TEST(WriteGlb, MorphTargetsHaveNames) {
+  const TemporaryFolder folder;
+  const Character& actor = test_actor();
+  const Exported made = export_glb(folder / "a.glb", actor, waving_clip(actor, 60, 0.06), 8);
+  const auto mesh = GltfPose(folder / "a.glb").json["meshes"][0];
+  const auto names = mesh["extras"]["targetNames"].get<std::vector<std::string>>();
+  EXPECT_EQ(names.size(), mesh["primitives"][0]["targets"].size());
+  EXPECT_EQ(names, made.morphs.names);
+  EXPECT_EQ(names[0], "Frames1_Way1");
+  EXPECT_EQ(std::count(names.begin(), names.end(), "Frames2_Base"), 1);
+  EXPECT_EQ(std::set<std::string>(names.begin(), names.end()).size(), names.size());
+  // A target with Base in its name is what the frames of its group start from: its weight is 0 or 1.
+  for (std::size_t k = 0; k < names.size(); ++k)
+    if (names[k].ends_with("_Base"))
+      for (Eigen::Index t = 0; t < made.morphs.weights.rows(); ++t) {
+        const double weight = made.morphs.weights(t, static_cast<Eigen::Index>(k));
+        EXPECT_TRUE(weight == 0.0 || weight == 1.0) << names[k] << " " << weight;
+      }
+  export_glb(folder / "b.glb", actor, waving_clip(actor, 5, 0.0), 0);
+  EXPECT_FALSE(GltfPose(folder / "b.glb").json["meshes"][0].contains("extras"));
 }
 
 TEST(WriteGlb, PartsOfAClipAreAnimationsThatShareTheSkin) {

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 
 #include "doppel/core/atomic_file.h"
@@ -165,6 +166,52 @@ TEST_F(WriteUsdaSkel, RestAndBindTransformsAreThoseOfTheFigure) {
     EXPECT_LT((bind[j].matrix() - figure_.rest[j].matrix()).norm(), 1e-6);
     EXPECT_LT((bind[j].matrix() - rest[j].matrix()).norm(), 1e-6);
   }
+}
+
+TEST_F(WriteUsdaSkel, BlendShapesHaveTheNamesOfTheTargets) {
+  const SkelFile file = written(3);
+  const std::string names = file.list("uniform token[] blendShapes = ");
+  EXPECT_EQ(names.find(R"(["Frames1_Way1", "Frames1_Way2", "Frames1_Base", "Frames2_Way1")"), 0U) << names;
+  EXPECT_EQ(file.list("uniform token[] skel:blendShapes = "), names);
+  EXPECT_NE(file.text().find("def BlendShape \"Frames1_Base\""), std::string::npos);
+}
+
+TEST_F(WriteUsdaSkel, TheExtentOfAFrameHoldsItsVertices) {
+  const SkelFile file = written(8);
+  for (int t = 0; t < clip_.num_frames(); ++t) {
+    const std::vector<double> box = file.sample("float3[] extent", t);
+    ASSERT_EQ(box.size(), 6U);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      double low = HUGE_VAL, high = -HUGE_VAL;
+      for (std::size_t i = axis; i < clip_.vertices[0].size(); i += 3) {
+        low = std::min<double>(low, clip_.vertices[static_cast<std::size_t>(t)][i]);
+        high = std::max<double>(high, clip_.vertices[static_cast<std::size_t>(t)][i]);
+      }
+      EXPECT_NEAR(box[axis], low, 1e-5);
+      EXPECT_NEAR(box[3 + axis], high, 1e-5);
+    }
+  }
+}
+
+TEST_F(WriteUsdaSkel, NormalsAreThoseOfTheRestPose) {
+  const std::vector<double> normals = numbers_in(written(0).list("normal3f[] normals = "));
+  ASSERT_EQ(normals.size(), 3 * actor_.mesh.vertices.size());
+  // A corner of a face has a normal on the same side as the face, as the surface is smooth.
+  std::size_t same_side = 0;
+  for (const Triangle& face : actor_.mesh.faces) {
+    const Eigen::Vector3d a = actor_.mesh.vertices[face[0]], b = actor_.mesh.vertices[face[1]],
+                          c = actor_.mesh.vertices[face[2]], upright = (b - a).cross(c - a);
+    const Eigen::Vector3d normal(normals[3 * face[0]], normals[3 * face[0] + 1], normals[3 * face[0] + 2]);
+    EXPECT_NEAR(normal.norm(), 1.0, 1e-3);
+    same_side += upright.dot(normal) > 0.0 ? 1 : 0;
+  }
+  EXPECT_EQ(same_side, actor_.mesh.faces.size());
+}
+
+TEST_F(WriteUsdaSkel, ValuesWithoutATimeAreThoseOfTheFirstFrame) {
+  const SkelFile file = written(4);
+  for (const char* attribute : {"float3[] translations", "quatf[] rotations", "float[] blendShapeWeights"})
+    EXPECT_EQ(numbers_in(file.list(std::string(attribute) + " = ")), file.sample(attribute, 0)) << attribute;
 }
 
 TEST_F(WriteUsdaSkel, TheTextIsWhole) {
