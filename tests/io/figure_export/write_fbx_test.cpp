@@ -199,7 +199,9 @@ TEST(WriteFbx, BonesAndWeightsAreThoseOfTheFigure) {
     for (std::size_t i = first; i < static_cast<std::size_t>(surface.vertex_joints.offsets[v + 1]); ++i)
       found[skin.joints[static_cast<std::size_t>(surface.vertex_joints.items[i])] - 1] = surface.weights[i];
     for (std::size_t i = 0; i < 4; ++i)
-      if (made.figure.weight[v][i] > 0) EXPECT_NEAR(found[made.figure.node[v][i]], made.figure.weight[v][i], 1e-6);
+      if (made.figure.weight[v][i] > 0) {
+        EXPECT_NEAR(found[made.figure.node[v][i]], made.figure.weight[v][i], 1e-6);
+      }
   }
 }
 
@@ -267,13 +269,17 @@ TEST(WriteFbx, IdsAreUniqueAndConnectionsLeadToObjects) {
     if (type.name == "ObjectType") {
       const std::int64_t count = type.child("Count")->integer(0);
       sum += count;
-      if (type.text(0) != "GlobalSettings") EXPECT_EQ(count, counts[type.text(0)]) << type.text(0);
+      if (type.text(0) != "GlobalSettings") {
+        EXPECT_EQ(count, counts[type.text(0)]) << type.text(0);
+      }
     }
   EXPECT_EQ(sum, root.child("Definitions")->child("Count")->integer(0));
   EXPECT_EQ(sum, static_cast<std::int64_t>(by_id.size()) + 1);
   for (const FbxRecord* pose : FbxObjects(root).all("Pose"))
     for (const FbxRecord& node : pose->children)
-      if (node.name == "PoseNode") EXPECT_EQ(by_id.at(node.child("Node")->integer(0))->name, "Model");
+      if (node.name == "PoseNode") {
+        EXPECT_EQ(by_id.at(node.child("Node")->integer(0))->name, "Model");
+      }
 }
 
 TEST(WriteFbx, CurvesHaveAValueForEachTimeInAscendingOrder) {
