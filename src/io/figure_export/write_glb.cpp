@@ -70,13 +70,6 @@ void order_by_neighbours(const TriangleMesh& mesh, SplitVertices& split) {
   }
 }
 
-/// Where programs look for the names of morph targets, which glTF itself does not have.
-tinygltf::Value target_names(const std::vector<std::string>& names) {
-  tinygltf::Value::Array list;
-  for (const std::string& name : names) list.emplace_back(name);
-  return tinygltf::Value(tinygltf::Value::Object{{"targetNames", tinygltf::Value(std::move(list))}});
-}
-
 class GlbWriter {
  public:
   GlbWriter(const FigureFile& file, const Figure& figure, const MorphTargets& morphs, const FigureTracks& tracks)
