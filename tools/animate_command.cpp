@@ -493,7 +493,8 @@ std::unique_ptr<SequenceWriter> rig_writer(const AnimateOptions& options, const 
         "have; give --run RUN of `doppel train configs/small/gaussians.yaml --set capture=PREPARED --set ddc=CHAIN "
         "--out RUN`");
   return make_splat_rig_writer(options.out, *performer.trained,
-                               {fps, bone_names(options), 0.001 * options.tolerance_mm, parts, options.compress}, report);
+                               {fps, bone_names(options), 0.001 * options.tolerance_mm, parts, options.compress},
+                               report);
 }
 
 /// What the files with bones lost.

@@ -22,7 +22,7 @@ struct FigureOptions {
   /// Of the .glb: several animations in one file, which share skin and morph targets. Empty: one animation. Other files
   /// hold all frames one after the other.
   std::vector<ClipPart> parts;
-  bool compress = false;      ///< the .glb by EXT_meshopt_compression
+  bool compress = false;  ///< the .glb by EXT_meshopt_compression
 };
 
 /// What was lost on the way into the files with a skin.

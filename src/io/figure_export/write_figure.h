@@ -32,10 +32,10 @@ struct FigureFile {
 
 /// Writes a binary glTF 2.0 file: the skinned mesh with morph targets, the texture as PNG, an animation for each part
 /// of the clip. Metres, y up. Names of morph targets are in `extras.targetNames` of the mesh. Vertices are split where
-/// the UVs are; the attribute `_VERTEX` says which vertex of the mesh each of them is. With a compression, mesh, figure,
-/// targets and tracks are those of compress_figure, and triangles and vertices are reordered. With authors it has the
-/// extension VRMC_vrm, for which the figure needs the bone names of VRM (vrm.h), and its nodes rest in a T-pose. Mesh,
-/// weights and inverse bind matrices stay those of the figure's rest pose.
+/// the UVs are; the attribute `_VERTEX` says which vertex of the mesh each of them is. With a compression, mesh,
+/// figure, targets and tracks are those of compress_figure, and triangles and vertices are reordered. With authors it
+/// has the extension VRMC_vrm, for which the figure needs the bone names of VRM (vrm.h), and its nodes rest in a
+/// T-pose. Mesh, weights and inverse bind matrices stay those of the figure's rest pose.
 /// @throws Error when the file cannot be written, or would be larger than 4 GB; UsageError as vrm_extension
 void write_glb(const std::filesystem::path& path, const FigureFile& file, const Figure& figure,
                const MorphTargets& morphs, const FigureTracks& tracks);

@@ -62,8 +62,8 @@ BodyFrame pelvis_frame(const BodyJoints& joints);
 BodyFrame chest_frame(const BodyJoints& joints);
 
 /// Adds the joints that are missing beside the twelve of the limbs, and the points hand, fingertip, head_top and
-/// toe_end, by the proportions of an adult's body; hand and fingertip by the fingers, where these are known. Joints that
-/// are given do not change.
+/// toe_end, by the proportions of an adult's body; hand and fingertip by the fingers, where these are known. Joints
+/// that are given do not change.
 /// @throws Error when one of the twelve is missing
 void complete_joints(BodyJoints& joints);
 
@@ -84,7 +84,8 @@ struct JointsFile {
 ///   not a scale, rotation and translation, or no matrix at all
 JointsFile read_joints(const std::filesystem::path& path,
                        const std::optional<Eigen::Affine3d>& file_from_character = std::nullopt);
-/// Writes those of the 21 joints and of the points of fingers that are known. Reading the file gives the same positions to within a micrometre.
+/// Writes those of the 21 joints and of the points of fingers that are known. Reading the file gives the same positions
+/// to within a micrometre.
 void write_joints(const std::filesystem::path& path, const JointsFile& file);
 
 }  // namespace doppel
