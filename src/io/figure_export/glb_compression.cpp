@@ -21,7 +21,7 @@ using Bytes = std::vector<unsigned char>;
 
 constexpr const char *kExtension = "EXT_meshopt_compression", *kIntegers = "KHR_mesh_quantization";
 constexpr int kByte = 5120, kFloat = 5126, kTriangles = 4;
-constexpr std::size_t kHeader = 12, kChunkHeader = 8, kMaxStride = 256;
+constexpr std::size_t kHeader = 12, kChunkHeader = 8, kMaxPackedStride = 256;
 
 bool begins_with(std::string_view text, std::string_view start) { return text.substr(0, start.size()) == start; }
 
@@ -168,7 +168,7 @@ class GlbCompressor {
     Json& accessor = json_["accessors"][index];
     const std::string_view data = binary_of(view);
     const std::size_t count = accessor["count"].get<std::size_t>(), stride = element_size(accessor);
-    if (count == 0 || stride % 4 != 0 || stride > kMaxStride || codings_[index].indices) return false;
+    if (count == 0 || stride % 4 != 0 || stride > kMaxPackedStride || codings_[index].indices) return false;
     Json extension = {{"buffer", 0}, {"byteStride", stride}, {"count", count}, {"mode", "ATTRIBUTES"}};
     const Bytes stream = encode(data, codings_[index], accessor, view, extension);
     append(extension, {reinterpret_cast<const char*>(stream.data()), stream.size()});

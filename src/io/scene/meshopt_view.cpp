@@ -11,7 +11,7 @@ namespace {
 
 /// Each element of a block takes at least two bits for 16 of its bytes, and an index at least a byte for three.
 constexpr std::size_t kMaxExpansion = 64;
-constexpr std::size_t kMaxStride = 256;
+constexpr std::size_t kMaxMeshoptStride = 256;
 /// The high half of a stream's first byte names its codec, the low half the version.
 constexpr unsigned char kVertexMark = 0xA0, kVersionBits = 0x0F;
 
@@ -23,9 +23,9 @@ std::string fault_of_layout(const MeshoptView& view) {
   if (!attributes && !triangles && view.mode != "INDICES")
     return fmt::format("has the mode '{}' of meshopt compression, allowed are ATTRIBUTES, TRIANGLES and INDICES",
                        excerpt(view.mode, 40));
-  if (attributes && (view.stride == 0 || view.stride > kMaxStride || view.stride % 4 != 0))
+  if (attributes && (view.stride == 0 || view.stride > kMaxMeshoptStride || view.stride % 4 != 0))
     return fmt::format("has elements of {} bytes; meshopt compression allows multiples of 4 up to {}", view.stride,
-                       kMaxStride);
+                       kMaxMeshoptStride);
   if (!attributes && view.stride != 2 && view.stride != 4)
     return fmt::format("has indices of {} bytes; meshopt compression allows 2 or 4", view.stride);
   if (triangles && view.count % 3 != 0) return fmt::format("has {} corners of triangles, not three each", view.count);
