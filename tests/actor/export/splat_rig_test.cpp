@@ -288,8 +288,9 @@ TEST(SplatRig, ACompressedFileMovesAsThePlainOne) {
   const SplatRig rig = subject.rig();
   const FigureTracks tracks = thin_tracks(rig.figure, subject.character.skeleton, subject.clip, {}, 1e-4);
   const CompressedFigure packed = compress_figure(rig.figure, {}, tracks);
-  write_splat_rig(folder / "plain.glb", "anna", rig, tracks, kRate);
-  write_splat_rig(folder / "packed.glb", "anna", {rig.splats, packed.figure}, packed.tracks, kRate, packed.steps);
+  const std::vector<ClipPart> animations = subject.clip.animations("anna");
+  write_splat_rig(folder / "plain.glb", "anna", rig, tracks, animations);
+  write_splat_rig(folder / "packed.glb", "anna", {rig.splats, packed.figure}, packed.tracks, animations, packed.steps);
   support::GltfWriter::write(folder / "unpacked.glb", support::unpacked_glb(read_file(folder / "packed.glb")));
   const GltfPose plain(folder / "plain.glb"), unpacked(folder / "unpacked.glb");
   const auto wanted = plain.vertices(1 / kRate), found = unpacked.vertices(1 / kRate);

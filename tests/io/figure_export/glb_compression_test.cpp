@@ -74,7 +74,7 @@ TEST_F(CompressedGlb, MovesAsThePlainFileWithinTheStatedError) {
   EXPECT_NEAR(worst, packed_->error.worst, 0.002);  // floats of the plain file
 }
 
-// The actor of the tests has few vertices, far from each other; figures of usual meshes are in docs/animate.md.
+// The actor of the tests has few vertices, far from each other. Denser meshes are smaller.
 TEST_F(CompressedGlb, HasAThirdOfTheBytesOfThePlainOne) {
   const auto bytes = [](const char* name) {
     return GltfPose(path(name)).json["buffers"][0]["byteLength"].get<std::size_t>();
