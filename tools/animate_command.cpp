@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <span>
 
@@ -35,6 +34,7 @@
 #include "doppel/core/log.h"
 #include "doppel/data/capture/video.h"
 #include "doppel/data/dataset/dataset.h"
+#include "doppel/geometry/image_file.h"
 #include "doppel/io/motion_import/read_motion_file.h"
 #include "doppel/render/splats/splat_rows.h"
 #include "doppel/render/splats/splats.h"
@@ -295,9 +295,8 @@ Backdrop backdrop(const AnimateOptions& options, const Studio& studio) {
     result.colour = parse_colour(options.background);
     return result;
   }
-  result.image = cv::imread(options.background, cv::IMREAD_COLOR);
+  result.image = read_colour_image(options.background);
   result.name = options.background;
-  if (result.image.empty()) fail_at({options.background, 0}, "is not an image that can be read");
   return result;
 }
 

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "doppel/character/landmarks.h"
-#include "doppel/core/as_size.h"
 
 namespace doppel {
 
@@ -29,6 +28,23 @@ double lever(const Skeleton& skeleton, const std::vector<Marker>& landmarks, std
   return most;
 }
 
+/// Per joint [J]: whether it or a joint above it turns.
+std::vector<bool> turned_joints(const Skeleton& skeleton) {
+  std::vector<bool> turned(skeleton.joints.size(), false);
+  for (std::size_t j = 0; j < turned.size(); ++j) {
+    const Joint& joint = skeleton.joints[j];
+    turned[j] = joint.type == Joint::Type::revolute || (joint.parent >= 0 && turned[joint.parent]);
+  }
+  return turned;
+}
+
+/// Whether a DoF shifts a joint below one that turns. @param turned [J] of turned_joints
+bool stretches_body(const Skeleton& skeleton, const Dof& dof, const std::vector<bool>& turned) {
+  return std::any_of(dof.joints.begin(), dof.joints.end(), [&](const Dof::Drive& drive) {
+    return drive.weight != 0.0 && skeleton.joints[drive.joint].type == Joint::Type::prismatic && turned[drive.joint];
+  });
+}
+
 }  // namespace
 
 double dof_reach(const Skeleton& skeleton, const Dof& dof) {
@@ -38,24 +54,31 @@ double dof_reach(const Skeleton& skeleton, const Dof& dof) {
   return most;
 }
 
-std::vector<int> observable_dofs(const Skeleton& skeleton, const std::vector<Marker>& landmarks) {
-  std::vector<bool> carries(skeleton.joints.size(), false), turned(skeleton.joints.size(), false);
-  for (const Marker& landmark : landmarks)
-    for (int j = landmark.joint; j >= 0; j = skeleton.joints[j].parent) carries[j] = true;
-  for (std::size_t j = 0; j < turned.size(); ++j) {
-    const Joint& joint = skeleton.joints[j];
-    turned[j] = joint.type == Joint::Type::revolute || (joint.parent >= 0 && turned[joint.parent]);
-  }
+std::vector<int> joint_angles(const Skeleton& skeleton) {
+  const std::vector<bool> turned = turned_joints(skeleton);
   std::vector<int> dofs;
   for (int d = 0; d < skeleton.num_dofs(); ++d) {
-    bool moves = false, stretches = false;
-    for (const Dof::Drive& drive : skeleton.dofs[d].joints) {
-      if (drive.weight == 0.0) continue;
-      const auto j = as_size(drive.joint);
-      stretches = stretches || (skeleton.joints[j].type == Joint::Type::prismatic && turned[j]);
-      moves = moves || carries[j];
-    }
-    if (moves && !stretches) dofs.push_back(d);
+    const Dof& dof = skeleton.dofs[d];
+    const bool turns = std::any_of(dof.joints.begin(), dof.joints.end(), [&](const Dof::Drive& drive) {
+      return drive.weight != 0.0 && skeleton.joints[drive.joint].type == Joint::Type::revolute;
+    });
+    if (turns && !stretches_body(skeleton, dof, turned)) dofs.push_back(d);
+  }
+  return dofs;
+}
+
+std::vector<int> observable_dofs(const Skeleton& skeleton, const std::vector<Marker>& landmarks) {
+  std::vector<bool> carries(skeleton.joints.size(), false);
+  for (const Marker& landmark : landmarks)
+    for (int j = landmark.joint; j >= 0; j = skeleton.joints[j].parent) carries[j] = true;
+  const std::vector<bool> turned = turned_joints(skeleton);
+  std::vector<int> dofs;
+  for (int d = 0; d < skeleton.num_dofs(); ++d) {
+    const Dof& dof = skeleton.dofs[d];
+    const bool moves = std::any_of(dof.joints.begin(), dof.joints.end(), [&](const Dof::Drive& drive) {
+      return drive.weight != 0.0 && carries[drive.joint];
+    });
+    if (moves && !stretches_body(skeleton, dof, turned)) dofs.push_back(d);
   }
   return dofs;
 }

@@ -9,6 +9,9 @@ namespace doppel {
 /// The largest motion of a joint per unit of a DoF: radians or metres; 0 when the DoF moves no joint.
 double dof_reach(const Skeleton& skeleton, const Dof& dof);
 
+/// The joint angles (theta of 4.1 and 5.5) and the rotations of the root: DoFs that turn a joint and stretch nothing.
+std::vector<int> joint_angles(const Skeleton& skeleton);
+
 /// The DoFs that a fit to landmarks can find: rotations of a landmark's joint or of a joint above it, and translations
 /// of the root. DoFs that stretch the body belong to its shape and are left out.
 std::vector<int> observable_dofs(const Skeleton& skeleton, const std::vector<Marker>& landmarks);

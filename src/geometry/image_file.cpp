@@ -7,21 +7,17 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/geometry/encoded_image.h"
 #include "doppel/geometry/image_orientation.h"
 
 namespace doppel {
 
 cv::Mat read_image(const std::filesystem::path& path) {
   const std::string bytes = read_file(path, std::uintmax_t{1} << 30);
-  cv::Mat stored;
-  try {
-    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
-    // OpenCV obeys the EXIF data of some formats, in some versions, and never together with an alpha channel.
-    if (!bytes.empty()) stored = cv::imdecode(encoded, cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception&) {
-    stored.release();
-  }
-  if (stored.empty()) fail_at({path.string(), 0}, "is not an image that OpenCV can decode");
+  // OpenCV obeys the EXIF data of some formats, in some versions, and never together with an alpha channel.
+  const cv::Mat stored = decode_image(bytes, cv::IMREAD_UNCHANGED);
+  if (stored.empty())
+    fail_at({path.string(), 0}, "is not an image that OpenCV can decode, or has more than {} pixels", kMaxImagePixels);
   return as_shown(stored, exif_orientation(bytes));
 }
 

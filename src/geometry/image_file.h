@@ -9,7 +9,7 @@ namespace doppel {
 /// with what a camera filmed are read by this function or the next; textures are not, because their coordinates belong
 /// to the pixels as stored.
 /// @return channels and bits as in the file, colours as BGR or BGRA
-/// @throws FileError when the file is missing, or is no image that OpenCV can decode
+/// @throws FileError when the file is missing, is no image that OpenCV can decode, or has more than kMaxImagePixels
 cv::Mat read_image(const std::filesystem::path& path);
 /// As read_image. @return CV_8UC3 (BGR), without alpha channel @throws FileError also for other than 8 or 16 bits
 cv::Mat read_colour_image(const std::filesystem::path& path);

@@ -2,18 +2,11 @@
 
 #include <cstdint>
 
+#include "doppel/geometry/number_at.h"
+
 namespace doppel {
 
 namespace {
-
-/// A whole number of the bytes; 0 beyond their end.
-std::uint64_t number_at(std::string_view bytes, std::size_t at, std::size_t width, bool big_endian) {
-  if (width > bytes.size() || at > bytes.size() - width) return 0;
-  std::uint64_t value = 0;
-  for (std::size_t i = 0; i < width; ++i)
-    value = value << 8 | static_cast<unsigned char>(bytes[at + (big_endian ? i : width - 1 - i)]);
-  return value;
-}
 
 constexpr std::string_view kExifHead("Exif\0\0", 6);
 

@@ -3,6 +3,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/log.h"
+#include "doppel/geometry/encoded_image.h"
 #include "doppel/geometry/image_file.h"
 #include "doppel/geometry/mesh.h"
 #include "doppel/geometry/obj_file.h"
@@ -16,16 +17,11 @@ cv::Mat read_texture(const ObjMaterial& material) {
   if (!fs::is_regular_file(material.texture))
     fail_at(material.where, "the texture {} does not exist", material.texture.string());
   const std::string bytes = read_file(material.texture);
-  cv::Mat image;
-  try {
-    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
-    // Texture coordinates belong to the pixels as stored, so programs for meshes ignore EXIF orientations.
-    if (!bytes.empty() && bytes.size() < (1u << 30))
-      image = cv::imdecode(encoded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
-  } catch (const cv::Exception&) {
-    image.release();
-  }
-  if (image.empty()) fail_at(material.where, "the texture {} cannot be decoded", material.texture.string());
+  // Texture coordinates belong to the pixels as stored, so programs for meshes ignore EXIF orientations.
+  cv::Mat image = decode_image(bytes, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  if (image.empty())
+    fail_at(material.where, "the texture {} cannot be decoded, or has more than {} pixels", material.texture.string(),
+            kMaxImagePixels);
   return image;
 }
 

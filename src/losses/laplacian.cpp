@@ -7,11 +7,25 @@
 
 namespace doppel {
 
-LaplacianGraph::LaplacianGraph(const Character& character)
-    : LaplacianGraph(MeshTopology(character.mesh),
-                     vertex_rigidity(character.labels, character.num_vertices(), RigidityPreset::laplacian)) {}
+namespace {
 
-LaplacianGraph::LaplacianGraph(const MeshTopology& topology, const std::vector<double>& rigidity)
+/// w_i of a vertex with neighbours. @param rigidity s_i [N]
+double laplacian_weight(const IndexRows& rings, const std::vector<double>& rigidity, int vertex,
+                        LaplacianWeights weights) {
+  if (weights == LaplacianWeights::vertex) return rigidity[vertex];
+  double sum = 0.0;
+  for (const int j : rings.row(vertex)) sum += 0.5 * (rigidity[vertex] + rigidity[j]);
+  return sum / rings.size(vertex);
+}
+
+}  // namespace
+
+LaplacianGraph::LaplacianGraph(const Character& character, const LaplacianOptions& options)
+    : LaplacianGraph(MeshTopology(character.mesh),
+                     vertex_rigidity(character.labels, character.num_vertices(), options.rigidity), options.weights) {}
+
+LaplacianGraph::LaplacianGraph(const MeshTopology& topology, const std::vector<double>& rigidity,
+                               LaplacianWeights weights)
     : num_vertices(topology.num_vertices()) {
   const IndexRows& rings = topology.one_ring();
   if (rigidity.size() != as_size(num_vertices))
@@ -23,9 +37,7 @@ LaplacianGraph::LaplacianGraph(const MeshTopology& topology, const std::vector<d
   source = torch::empty({num_edges}, torch::kInt64);
   weight = torch::zeros({num_vertices}, torch::kFloat64);
   for (int i = 0; i < rings.num_rows(); ++i) {
-    double sum = 0.0;
-    for (const int j : rings.row(i)) sum += 0.5 * (rigidity[i] + rigidity[j]);
-    if (rings.size(i) > 0) weight.data_ptr<double>()[i] = sum / rings.size(i);
+    if (rings.size(i) > 0) weight.data_ptr<double>()[i] = laplacian_weight(rings, rigidity, i, weights);
     for (int e = rings.offsets[i]; e < rings.offsets[i + 1]; ++e) source.data_ptr<std::int64_t>()[e] = i;
   }
   weight_float = weight.to(torch::kFloat32);

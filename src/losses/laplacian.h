@@ -4,8 +4,9 @@
 ///
 ///   L = sum over batch and vertices of w_i |n_i d_i - sum over neighbours j of d_j|^2 / (B * 2E),   d = V_fi - V_co
 ///
-/// n_i neighbours of vertex i (sums, not means), E undirected edges, w_i the mean over the neighbours of
-/// (s_i + s_j) / 2, metres. Equation: 6.17. Letters: B batch, N vertices.
+/// n_i neighbours of vertex i (sums, not means), E undirected edges, w_i the rigidity s_i of the vertex or of its edges
+/// (LaplacianOptions), metres. Equation: 6.17, whose sum over the vertices is not divided. Letters: B batch, N
+/// vertices.
 
 #include <torch/types.h>
 
@@ -16,13 +17,23 @@
 
 namespace doppel {
 
+/// The weight w_i of a vertex: its rigidity s_i as in 6.17 (`vertex`), or the mean over its neighbours of
+/// (s_i + s_j) / 2 as in the public code (`edges`).
+enum class LaplacianWeights { vertex, edges };
+
+struct LaplacianOptions {
+  RigidityPreset rigidity = RigidityPreset::laplacian;  ///< the table of s_i
+  LaplacianWeights weights = LaplacianWeights::edges;
+};
+
 /// The edges of a mesh with the weight of each vertex.
 struct LaplacianGraph {
   LaplacianGraph() = default;
-  /// Edges of the template; s_i from its labels by the table for Laplacian losses (1 without labels).
-  explicit LaplacianGraph(const Character& character);
+  /// Edges of the template; s_i from its labels (1 without labels).
+  explicit LaplacianGraph(const Character& character, const LaplacianOptions& options = {});
   /// @param rigidity s_i [N] @throws Error when the sizes differ
-  LaplacianGraph(const MeshTopology& topology, const std::vector<double>& rigidity);
+  LaplacianGraph(const MeshTopology& topology, const std::vector<double>& rigidity,
+                 LaplacianWeights weights = LaplacianWeights::edges);
 
   std::int64_t num_vertices = 0;
   std::int64_t num_edges = 0;         ///< directed, 2E

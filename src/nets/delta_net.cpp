@@ -13,14 +13,9 @@ constexpr int kDeltaNetOutputs = 3;
 
 }  // namespace
 
-DeltaNetConfig DeltaNetConfig::preset(const std::string& name) {
-  if (name != "paper") fail<UsageError>("unknown DeltaNet preset '{}'; there is paper", name);
-  return {};
-}
-
 void describe_keys(const Keys& keys, DeltaNetConfig& config) {
   bool other_preset = false;
-  keys("preset", other_preset, {"paper"}, "the values of the thesis");
+  keys("preset", other_preset, {"paper"}, "no effect; configs/paper/ddc.yaml has the values of the thesis");
   describe_keys(keys, static_cast<MotionGraphConfig&>(config));
   keys("space", config.space, {"canonical", "global"}, "displace before skinning, or after it (an ablation)");
 }

@@ -21,9 +21,6 @@ enum class DisplacementSpace { canonical, global };
 
 struct DeltaNetConfig : MotionGraphConfig {
   DisplacementSpace space = DisplacementSpace::canonical;
-
-  /// `paper`: the defaults of MotionGraphConfig.
-  static DeltaNetConfig preset(const std::string& name);
 };
 void describe_keys(const Keys& keys, DeltaNetConfig& config);
 

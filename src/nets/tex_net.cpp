@@ -31,14 +31,9 @@ int log2_of(int power) {
 
 }  // namespace
 
-TexNetConfig TexNetConfig::preset(const std::string& name) {
-  if (name != "paper") fail<UsageError>("unknown TexNet preset '{}'; there is paper", name);
-  return {};  // the defaults are those of the thesis
-}
-
 void describe_keys(const Keys& keys, TexNetConfig& config) {
   bool other_preset = false;
-  keys("preset", other_preset, {"paper"}, "the values of the thesis");
+  keys("preset", other_preset, {"paper"}, "no effect; configs/paper/ddc.yaml has the values of the thesis");
   keys("size", config.size, between(kMinSize, kMaxSize), "texels along a side, a power of two");
   keys.require("size", is_power_of_two(config.size), fmt::format("must be a power of two, found {}", config.size));
   keys("past_frames", config.past_frames, between(0, 100), "F, the past frames of the motion window");

@@ -38,9 +38,6 @@ struct TexNetConfig {
   bool surface_normals = false;
   UNetConfig unet;
 
-  /// `paper`: 1024, all channels, transposed convolutions, the camera's position in the world, no static texture.
-  static TexNetConfig preset(const std::string& name);
-
   /// @throws UsageError listing every fault
   void check() const;
 

@@ -19,6 +19,7 @@ namespace {
 
 constexpr uint64_t kUNetSeed = 2021;
 constexpr int kMaxLevels = 10;
+constexpr int kMaxChannels = 512;
 constexpr int kDropoutLevels = 3;
 constexpr double kInitialDeviation = 0.02;
 
@@ -29,7 +30,10 @@ ImageNorm make_norm(int64_t channels, const UNetConfig& config) {
 }  // namespace
 
 void describe_keys(const Keys& keys, UNetConfig& config) {
-  keys("width", config.width, between(0.01, 4.0), "factor of the channels 16, 32, 64, 128, 256, 512, 512, ...");
+  keys("first_channels", config.first_channels, between(1, 512),
+       "after the first halving; each further one doubles them, up to 512");
+  keys("width", config.width, between(0.01, 4.0), "factor of all channels");
+  keys("leaky_slope", config.leaky_slope, between(0.0, 1.0), "of the encoder's activation below 0");
   keys("upsample", config.upsample, {"transposed", "bilinear_conv"}, "layers of the decoder");
   keys("dropout", config.dropout, between(0.0, 0.95), "on the three innermost decoder levels while training");
   keys("head_scale", config.head_scale, between(0.0, 10.0), "factor of the last layer's initial weights");
@@ -42,6 +46,8 @@ void UNetConfig::check() const {
   };
   require(levels >= 1 && levels <= kMaxLevels,
           fmt::format("levels must lie between 1 and {}, found {}", kMaxLevels, levels));
+  require(first_channels >= 1 && first_channels <= kMaxChannels,
+          fmt::format("first_channels must lie between 1 and {}, found {}", kMaxChannels, first_channels));
   require(width > 0.0, fmt::format("width must be positive, found {}", width));
   require(dropout >= 0.0 && dropout < 1.0, fmt::format("dropout must lie in [0, 1), found {}", dropout));
   require(norm_epsilon > 0.0, fmt::format("norm_epsilon must be positive, found {}", norm_epsilon));
@@ -52,7 +58,7 @@ void UNetConfig::check() const {
 }
 
 int64_t UNetConfig::channels(int level) const {
-  const double full = std::min(512, 16 << std::min(level, 5));
+  const double full = std::min(kMaxChannels, first_channels << std::min(level, kMaxLevels - 1));
   return std::max<int64_t>(1, std::llround(full * width));
 }
 

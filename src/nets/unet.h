@@ -23,14 +23,15 @@ namespace doppel {
 enum class Upsampling { transposed, bilinear_conv };
 
 struct UNetConfig {
-  int levels = 10;     ///< halvings on the way down, 1 to 10
-  double width = 1.0;  ///< factor of the channels 16, 32, 64, 128, 256, 512, 512, ...
+  int levels = 10;          ///< halvings on the way down, 1 to 10
+  int first_channels = 16;  ///< after the first halving; each further one doubles them, up to 512. pix2pix has 64.
+  double width = 1.0;       ///< factor of all channels
   Upsampling upsample = Upsampling::transposed;
   double dropout = 0.5;  ///< on the three innermost decoder levels while training
   double norm_epsilon = 1e-3;
   double norm_momentum = 0.01;  ///< running = (1 - momentum) running + momentum new
-  double leaky_slope = 0.3;
-  double head_scale = 1.0;  ///< factor of the last layer's initial weights
+  double leaky_slope = 0.3;     ///< of the encoder below 0; pix2pix has 0.2
+  double head_scale = 1.0;      ///< factor of the last layer's initial weights
 
   /// @throws UsageError listing every fault
   void check() const;

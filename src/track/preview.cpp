@@ -6,8 +6,10 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/capture/video_file.h"
+#include "doppel/geometry/encoded_image.h"
 
 namespace doppel {
 
@@ -93,8 +95,9 @@ std::unique_ptr<Preview> open_preview(const std::string& target, const PinholeCa
 
 cv::Mat read_texture(const std::string& path) {
   if (path.empty()) return {};
-  cv::Mat texture = fs::is_regular_file(path) ? cv::imread(path, cv::IMREAD_UNCHANGED) : cv::Mat();
-  if (texture.type() != CV_8UC4 && !texture.empty()) texture = cv::imread(path, cv::IMREAD_COLOR);
+  const std::string bytes = fs::is_regular_file(path) ? read_file(path) : std::string();
+  cv::Mat texture = decode_image(bytes, cv::IMREAD_UNCHANGED);
+  if (texture.type() != CV_8UC4 && !texture.empty()) texture = decode_image(bytes, cv::IMREAD_COLOR);
   if (texture.empty()) fail<UsageError>("--texture {}: there is no image of this name that OpenCV can decode", path);
   return texture;
 }

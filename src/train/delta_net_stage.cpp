@@ -30,6 +30,7 @@ void describe_keys(const Keys& keys, DeltaNetRunConfig& c) {
   keys("loss.chroma", c.chroma_weight, at_least(0.0), "weight, thesis A.2");
   keys("loss.silhouette", c.silhouette_weight, at_least(0.0), "weight, thesis A.2");
   keys("loss.laplacian", c.laplacian_weight, at_least(0.0), "weight, thesis A.2");
+  describe_keys(keys.section("loss"), c.laplacian);
   keys("loss.anchor", c.anchor_weight, at_least(0.0),
        "weight of the mean squared distance from EGNet's surface, square metres: keeps vertices from sliding along it");
   keys("loss.smoothing", c.chroma.smoothing, at_least(0.0), "Gaussian on drawing and filmed image, pixels");
@@ -53,7 +54,7 @@ DeltaNetStage::DeltaNetStage(const Dataset& dataset, TrainedActor& actor, const 
       config_(config),
       network_(actor.character, config.model,
                at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
-      laplacian_graph_(actor.character),
+      laplacian_graph_(actor.character, config.laplacian),
       noise_(actor.character.skeleton, config.noise) {
   if (config.chroma_weight > 0.0) actor.require_texture("deltanet with loss.chroma > 0");
   if (config.chroma_weight > 0.0 && config.lit && !actor.lighting)

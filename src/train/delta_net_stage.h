@@ -22,7 +22,8 @@ struct DeltaNetRunConfig {
   double chroma_weight = 0.03775;    ///< per squared level of 255, thesis A.2
   double silhouette_weight = 500.0;  ///< of the sums of squared residuals (silhouette.h), thesis A.2
   double laplacian_weight = 1e5;     ///< per squared metre, thesis A.2
-  double anchor_weight = 0.0;        ///< per squared metre of the mean squared distance from EGNet's surface
+  LaplacianOptions laplacian;
+  double anchor_weight = 0.0;  ///< per squared metre of the mean squared distance from EGNet's surface
   ChromaOptions chroma;
   SilhouetteOptions silhouette;
   bool lit = true;              ///< draw with the trained lighting (false: an ablation)

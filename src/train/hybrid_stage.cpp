@@ -55,6 +55,7 @@ void describe_refinement(const Keys& keys, HybridRunConfig& c) {
   keys("silhouette", c.silhouette_weight, at_least(0.0), "weight, A.3");
   describe_keys(keys, c.silhouette);
   keys("laplacian", c.laplacian_weight, at_least(0.0), "weight, A.3");
+  describe_keys(keys, c.laplacian);
   keys("isometry", c.isometry_weight, at_least(0.0), "weight, A.3");
   keys("anchor", c.anchor_weight, at_least(0.0),
        "weight of the mean squared distance from the mesh at the start of the round: holds parts that no camera sees; "
@@ -95,7 +96,7 @@ HybridStage::HybridStage(const Dataset& dataset, TrainedActor& actor, const Hybr
              at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
       viewer_(actor.character),
       guide_(guide_of(config.model.field, config.field_rays.stencil)),
-      laplacian_graph_(actor.character),
+      laplacian_graph_(actor.character, config.laplacian),
       edges_(MeshTopology(actor.character.mesh), rest_vertices(actor.character)) {
   const Tensor windows = training_windows(kHybridStatisticsFrames, config.model.motion.past_frames);
   // One frame has no standard deviation: every input would be 0.

@@ -35,7 +35,8 @@ struct HybridRunConfig {
   double chamfer_weight = 5000.0;    ///< per squared metre
   double silhouette_weight = 50.0;   ///< of the sums of squared residuals (silhouette.h)
   double laplacian_weight = 4000.0;  ///< per squared metre
-  double isometry_weight = 7.5e4;    ///< per squared metre; 0.075 per squared millimetre
+  LaplacianOptions laplacian;
+  double isometry_weight = 7.5e4;  ///< per squared metre; 0.075 per squared millimetre
   /// Weight of the mean squared distance from the mesh at the start of the round, per square metre. Without it, parts
   /// that no camera sees (the underside of a skirt, for example) drift, because no other loss holds them.
   double anchor_weight = 0.0;

@@ -21,13 +21,15 @@ const std::vector<Marker>& landmarks_of(const Dataset& dataset) {
   return dataset.landmarks();
 }
 
-/// The DoFs to predict: those that the configuration names, or else those that the landmarks determine.
-std::vector<std::string> dofs_to_predict(const std::vector<std::string>& patterns, const Dataset& dataset,
+/// The DoFs to predict: those that the configuration names, or else the joint angles of its choice.
+std::vector<std::string> dofs_to_predict(const PoseNetRunConfig& config, const Dataset& dataset,
                                          const Character& character) {
-  if (!patterns.empty()) return patterns;
+  if (!config.dofs.empty()) return config.dofs;
+  const std::vector<int> dofs = config.angles == AngleChoice::all
+                                    ? joint_angles(character.skeleton)
+                                    : determined_dofs(character.skeleton, landmarks_of(dataset), character.rest_dofs);
   std::vector<std::string> names;
-  for (const int dof : determined_dofs(character.skeleton, landmarks_of(dataset), character.rest_dofs))
-    names.push_back(character.skeleton.dofs[dof].name);
+  for (const int dof : dofs) names.push_back(character.skeleton.dofs[dof].name);
   return PoseDofs(character.skeleton, names, character.rest_dofs).names();  // without those of the root
 }
 
@@ -35,10 +37,10 @@ std::vector<std::string> dofs_to_predict(const std::vector<std::string>& pattern
 
 void describe_keys(const Keys& keys, PoseNetRunConfig& c) {
   describe_keys(keys.section("data"), c.loader);
-  keys(
-      "model.dofs", c.dofs,
-      "names of the DoFs to predict; `*` stands for any characters, a leading `!` removes; empty: those that landmarks "
-      "determine");
+  keys("model.dofs", c.dofs,
+       "names of the DoFs to predict; `*` stands for any characters, a leading `!` removes; empty: `angles`");
+  keys("model.angles", c.angles, {"determined", "all"},
+       "with empty `dofs`: the joint angles that landmarks determine, or all, as in the thesis");
   describe_keys(keys.section("model"), c.model);
   describe_keys(keys.section("loss"), c.detections);
   describe_keys(keys, c.phases);
@@ -55,7 +57,7 @@ PoseNetRunConfig PoseNetRunConfig::read(const ConfigDocument& document) {
 PoseNetStage::PoseNetStage(const Dataset& dataset, const Character& character, const PoseNetRunConfig& config)
     : CaptureStage(dataset, character, config.loader),
       config_(config),
-      pose_(character.skeleton, dofs_to_predict(config.dofs, dataset, character), character.rest_dofs),
+      pose_(character.skeleton, dofs_to_predict(config, dataset, character), character.rest_dofs),
       landmarks_(character.skeleton, landmarks_of(dataset)),
       landmark_names_(landmark_names(dataset.landmarks())),
       network_(pose_, config.model, at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
@@ -116,7 +118,7 @@ TrainSummary train_pose_net(const StageTask& task) {
   const Dataset dataset = config.subject.open_dataset();
   const Character character = load_character(dataset.character_path(), config.subject.character);
   const std::string dofs =
-      fmt::format("model.dofs=[\"{}\"]", fmt::join(dofs_to_predict(config.dofs, dataset, character), "\", \""));
+      fmt::format("model.dofs=[\"{}\"]", fmt::join(dofs_to_predict(config, dataset, character), "\", \""));
   StageTask named = task;
   named.resolved = ConfigDocument::parse(task.resolved, task.document.path().string(), {dofs}).resolved();
   return train_first<PoseNetStage, PoseNetRunConfig>(named);

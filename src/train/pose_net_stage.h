@@ -13,11 +13,16 @@
 
 namespace doppel {
 
+/// The DoFs that PoseNet predicts where the configuration names none: the joint angles that landmarks determine
+/// (`determined_dofs`), or all joint angles of the skeleton, as in 5.5.
+enum class AngleChoice { determined, all };
+
 /// The configuration of the stage `posenet`; `docs/training.md` lists the keys.
 struct PoseNetRunConfig {
   RunSubject subject;
   LoaderOptions loader = stage_loader(90, 0);
-  std::vector<std::string> dofs;  ///< patterns of PoseDofs; empty: `determined_dofs`
+  std::vector<std::string> dofs;  ///< patterns of PoseDofs; empty: `angles`
+  AngleChoice angles = AngleChoice::determined;
   PoseNetConfig model;
   PosePhases phases;
   DetectionOptions detections;

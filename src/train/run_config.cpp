@@ -49,4 +49,11 @@ void describe_keys(const Keys& keys, SilhouetteOptions& options) {
   keys("unit", options.unit, {"crop_pixels", "image_pixels"}, "of the residuals");
 }
 
+void describe_keys(const Keys& keys, LaplacianOptions& options) {
+  keys("laplacian_rigidity", options.rigidity, {"livecap", "graph", "laplacian"},
+       "table of the rigidity of the materials in 6.17");
+  keys("laplacian_weights", options.weights, {"vertex", "edges"},
+       "what weighs a vertex in 6.17: its rigidity, or the mean rigidity of its edges");
+}
+
 }  // namespace doppel

@@ -4,6 +4,7 @@
 #include "doppel/core/config.h"
 #include "doppel/core/options.h"
 #include "doppel/data/dataset/loader.h"
+#include "doppel/losses/laplacian.h"
 #include "doppel/losses/silhouette.h"
 
 namespace doppel {
@@ -20,6 +21,8 @@ LoaderOptions with_past_frames(LoaderOptions options, int past_frames);
 void describe_keys(const Keys& keys, LoaderOptions& options);
 /// The keys of the silhouette loss in a section `loss`, except its weight.
 void describe_keys(const Keys& keys, SilhouetteOptions& options);
+/// The keys of the Laplacian loss in a section `loss`, except its weight.
+void describe_keys(const Keys& keys, LaplacianOptions& options);
 
 /// Reads the configuration of a stage. @throws FileError at the key; UsageError when no capture is named
 template <typename Config>

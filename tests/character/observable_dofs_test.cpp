@@ -38,6 +38,16 @@ TEST(ObservableDofs, RotateTheJointOfALandmarkOrAJointAbove) {
   EXPECT_EQ(names_of(observable_dofs(tube().skeleton, landmarks)), expected);
 }
 
+TEST(JointAngles, AreAllRotationsAndNoSizes) {
+  const Names names = names_of(joint_angles(tube().skeleton));
+  const auto has = [&](const char* name) { return std::count(names.begin(), names.end(), name) == 1; };
+  for (const char* angle : {"rotate_x", "bend", "twist_2", "twist_4", "lean_4"}) EXPECT_TRUE(has(angle)) << angle;
+  EXPECT_FALSE(has("translate_x"));
+  for (const int dof : joint_angles(tube().skeleton))
+    for (const Dof::Drive& drive : tube().skeleton.dofs[dof].joints)
+      EXPECT_EQ(tube().skeleton.joints[drive.joint].type, Joint::Type::revolute);
+}
+
 TEST(DeterminedDofs, HaveALeverToALandmark) {
   const auto determined = [](const std::vector<Marker>& landmarks) {
     return names_of(determined_dofs(tube().skeleton, landmarks, tube().rest_dofs));

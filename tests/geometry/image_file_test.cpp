@@ -1,12 +1,17 @@
 #include "doppel/geometry/image_file.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
+#include "doppel/geometry/encoded_image.h"
 #include "doppel/geometry/image_orientation.h"
 #include "support/hostile_files.h"
+#include "support/message_of.h"
 #include "support/oriented_image.h"
 #include "support/temporary_folder.h"
 
@@ -90,6 +95,29 @@ TEST(ImageFileRejects, WhatIsNoImage) {
     EXPECT_THROW(read_colour_image(folder / "a.png"), FileError);
   }
   EXPECT_THROW(read_image(folder / "none.png"), FileError);
+}
+
+/// A PNG file that announces a size, and holds nothing else.
+std::string png_header(std::uint32_t width, std::uint32_t height) {
+  std::string bytes("\x89PNG\r\n\x1a\n\0\0\0\rIHDR", 16);
+  for (const std::uint32_t side : {width, height})
+    for (int shift = 24; shift >= 0; shift -= 8) bytes += static_cast<char>(side >> shift & 0xff);
+  return bytes + std::string("\x08\x02\0\0\0", 5) + std::string(16, '\0');
+}
+
+TEST(ImageFileRejects, MorePixelsThanAllowed) {
+  EXPECT_EQ(*announced_image_size(png_header(20000, 20001)), Eigen::Vector2i(20000, 20001));
+  for (const char* extension : {".png", ".jpg", ".bmp", ".tiff", ".webp"}) {
+    std::vector<unsigned char> encoded;
+    cv::imencode(extension, quarters(), encoded);
+    const std::string bytes(encoded.begin(), encoded.end());
+    EXPECT_EQ(decode_image(bytes, cv::IMREAD_UNCHANGED, 64 * 32).size(), quarters().size()) << extension;
+    EXPECT_TRUE(decode_image(bytes, cv::IMREAD_UNCHANGED, 64 * 32 - 1).empty()) << extension;
+  }
+  const support::TemporaryFolder folder;
+  support::write_bytes(folder / "bomb.png", png_header(20000, 20001));
+  EXPECT_THAT(support::message_of<FileError>([&] { read_image(folder / "bomb.png"); }),
+              ::testing::HasSubstr("more than 268435456 pixels"));
 }
 
 }  // namespace

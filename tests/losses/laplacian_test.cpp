@@ -44,6 +44,25 @@ TEST(LaplacianReference, PathByHand) {
               1e-5);
 }
 
+TEST(LaplacianReference, WeighsAVertexByItsOwnRigidity) {
+  const LaplacianGraph path(MeshTopology(4, {{0, 1}, {1, 2}}), {1.0, 3.0, 5.0, 9.0}, LaplacianWeights::vertex);
+  const Tensor coarse = torch::zeros({1, 4, 3}, torch::kFloat64);
+  Tensor fine = coarse.clone();
+  fine[0][1] += torch::tensor({1.0, 2.0, 2.0}, torch::kFloat64);
+  EXPECT_NEAR(laplacian_loss(fine, coarse, path).item<double>(), (1.0 * 9 + 3.0 * 36 + 5.0 * 9) / 4, 1e-12);
+}
+
+TEST(LaplacianReference, TakesTheRigidityOfTheNamedTable) {
+  Character labelled = actor();
+  labelled.labels.assign(actor().num_vertices(), 5);  // upper clothes: 2, 10 and 1
+  const auto weight = [&](RigidityPreset table) {
+    return LaplacianGraph(labelled, {table, LaplacianWeights::vertex}).weight.max().item<double>();
+  };
+  EXPECT_EQ(weight(RigidityPreset::livecap), 2.0);
+  EXPECT_EQ(weight(RigidityPreset::graph), 10.0);
+  EXPECT_EQ(weight(RigidityPreset::laplacian), 1.0);
+}
+
 TEST(LaplacianReference, CommonDisplacementsCostNothing) {
   const Tensor coarse = vertices(2, 1, 0.5);
   const Tensor moved = coarse + torch::tensor({0.1, -0.2, 0.3}, torch::kFloat64);

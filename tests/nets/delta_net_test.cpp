@@ -27,7 +27,7 @@ using ::testing::HasSubstr;
 using torch::Tensor;
 
 DeltaNetConfig small_config(NetworkKind kind = NetworkKind::sagcn) {
-  DeltaNetConfig config = DeltaNetConfig::preset("paper");
+  DeltaNetConfig config;
   config.sagcn.features = 8;
   config.sagcn.residual_blocks = 2;
   config.network = kind;
@@ -331,8 +331,8 @@ DeltaNetConfig read(const std::string& text) {
   return config;
 }
 
-TEST(DeltaNetConfigReference, ReadsThePresetAndChangesOfIt) {
-  const DeltaNetConfig paper = read("preset: paper");
+TEST(DeltaNetConfigReference, ReadsDefaultsAndChanges) {
+  const DeltaNetConfig paper = read("{}");
   EXPECT_EQ(paper.sagcn.rings, 3);
   EXPECT_EQ(paper.sagcn.features, 16);
   EXPECT_EQ(paper.sagcn.residual_blocks, 8);

@@ -26,7 +26,7 @@ using ::testing::HasSubstr;
 using torch::Tensor;
 
 TexNetConfig small_config() {
-  TexNetConfig config = TexNetConfig::preset("paper");
+  TexNetConfig config;
   config.size = 32;
   config.unet.width = 0.25;
   return config;
@@ -343,8 +343,8 @@ TexNetConfig read(const std::string& text) {
   return config;
 }
 
-TEST(TexNetConfigReference, ReadsThePresetAndChangesOfIt) {
-  const TexNetConfig paper = read("preset: paper");
+TEST(TexNetConfigReference, ReadsDefaultsAndChanges) {
+  const TexNetConfig paper = read("{}");
   EXPECT_EQ(paper.size, 1024);
   EXPECT_EQ(paper.num_levels(), 10);
   EXPECT_EQ(paper.num_inputs(), 15);
@@ -357,6 +357,11 @@ TEST(TexNetConfigReference, ReadsThePresetAndChangesOfIt) {
       "lit: true\nsurface_normals: true");
   EXPECT_EQ(changed.num_levels(), 5);
   EXPECT_EQ(changed.unet.channels(0), 8);
+  const UNetConfig pix2pix = read("first_channels: 64\nleaky_slope: 0.2").unet;
+  EXPECT_EQ(pix2pix.channels(0), 64);
+  EXPECT_EQ(pix2pix.channels(3), 512);
+  EXPECT_EQ(pix2pix.channels(9), 512);
+  EXPECT_EQ(pix2pix.leaky_slope, 0.2);
   EXPECT_EQ(changed.unet.upsample, Upsampling::bilinear_conv);
   EXPECT_EQ(changed.camera_centre, CameraCentre::root_relative);
   EXPECT_TRUE(changed.residual);

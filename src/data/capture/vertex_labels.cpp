@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <opencv2/imgcodecs.hpp>
 #include <queue>
 #include <tuple>
 
@@ -14,6 +13,7 @@
 #include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/data/capture/capture_cameras.h"
+#include "doppel/geometry/image_file.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/projection.h"
@@ -192,8 +192,7 @@ std::vector<LabelView> read_label_views(const fs::path& folder, const std::vecto
     const auto name = std::find(names.begin(), names.end(), file.stem().string());
     if (name == names.end())
       fail("label images: {} belongs to no camera; the calibration has {}", file.string(), fmt::join(names, ", "));
-    const cv::Mat image = cv::imread(file.string(), cv::IMREAD_UNCHANGED);
-    if (image.empty()) fail_at({file.string(), 0}, "this is no image that can be read; PNG is a good choice");
+    const cv::Mat image = read_image(file);
     const Camera& camera = cameras[name - names.begin()];
     views.push_back({fit_to_images(camera, image.size(), file.string()), legend.labels(image, file.string())});
   }

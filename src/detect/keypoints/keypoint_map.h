@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "doppel/character/skeleton.h"
-#include "doppel/detect/keypoints/joint_detections.h"
 #include "doppel/detect/keypoints/keypoints.h"
 
 namespace doppel {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -18,6 +19,12 @@ inline constexpr float kSeenConfidence = 0.4f;
 /// One person's points in the detector's order, and everybody in one image.
 using Person = std::vector<Keypoint>;
 using People = std::vector<Person>;
+
+/// A 3D joint as estimated by a network from one image.
+struct JointDetection {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< metres, camera axes, relative to the body's root (mid-hip)
+  bool seen = false;                                   ///< false: the network gives no estimate
+};
 
 /// The points that a detector writes, in its order.
 struct PointLayout {

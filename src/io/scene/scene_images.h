@@ -1,18 +1,13 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <filesystem>
 #include <map>
 #include <opencv2/core.hpp>
-#include <optional>
 #include <string>
 
 #include "doppel/io/scene/scene_limits.h"
 
 namespace doppel {
-
-/// Width and height that the header of a PNG, JPEG, WebP, BMP or TIFF file announces; nothing for other bytes.
-std::optional<Eigen::Vector2i> announced_image_size(const std::string& bytes);
 
 /// The image file that a surface names: as it is written, else by its name alone in the folder of the scene and in
 /// folders beside it. Of a pattern of tiles (texture_tiles.h), the first tile that exists. Empty when there is none.

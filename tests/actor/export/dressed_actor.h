@@ -14,8 +14,8 @@ inline TrainedActor dressed_actor() {
   actor.surface = CharacterSurface(actor.character);
   actor.mesh = std::make_shared<RenderMesh>(actor.character.mesh);
   actor.egnet = EgNet(actor.character, EgNetConfig::preset("paper"));
-  actor.deltanet = DeltaNet(actor.character, DeltaNetConfig::preset("paper"));
-  TexNetConfig config = TexNetConfig::preset("paper");
+  actor.deltanet = DeltaNet(actor.character, DeltaNetConfig());
+  TexNetConfig config;
   config.size = 256;
   config.levels = 4;
   config.unet.width = 0.1;

@@ -210,7 +210,7 @@ TEST_F(LabelFiles, ImagesBelongToCameras) {
   cv::imwrite((folder_.path() / "c2.png").string(), cv::Mat(20, 40, CV_8UC1, cv::Scalar(5)));
   EXPECT_THAT(complaint(), HasSubstr("another aspect ratio"));
   write("c2.png", "not an image");
-  EXPECT_THAT(complaint(), HasSubstr("no image that can be read"));
+  EXPECT_THAT(complaint(), HasSubstr("not an image that OpenCV can decode"));
   fs::remove(folder_.path() / "c2.png");
   write("c7.png", "");
   EXPECT_THAT(complaint(), HasSubstr("belongs to no camera; the calibration has c0, c1, c2"));

@@ -48,6 +48,22 @@ TEST(JointDetectionsReference, AreMetresByFrameAndPoint) {
   }
 }
 
+TEST(JointDetectionsReference, OfAnotherDetectorAreFoundByName) {
+  // MediaPipe's points 0, 1, 23 and 24; the layout `four` has no eyes, and numbers the others in another way.
+  const auto frames = read(
+      "frame,index,name,x_mm,y_mm,z_mm\n"
+      "20,0,nose,99.6,-765.2,-361.1\n"
+      "20,1,left_eye_inner,90,-780,-350\n"
+      "20,23,left_hip,130,6,-10.5\n"
+      "20,24,right_hip,-110,4,20.5\n");
+  const auto& joints = frames.at(20);
+  ASSERT_EQ(joints.size(), 4u);
+  EXPECT_TRUE(joints[0].position.isApprox(Eigen::Vector3d(0.0996, -0.7652, -0.3611)));
+  EXPECT_FALSE(joints[1].seen);
+  EXPECT_TRUE(joints[2].position.isApprox(Eigen::Vector3d(-0.11, 0.004, 0.0205)));
+  EXPECT_TRUE(joints[3].position.isApprox(Eigen::Vector3d(0.13, 0.006, -0.0105)));
+}
+
 TEST(JointDetectionsReference, GoOntoLandmarksLikeKeypoints) {
   KeypointMap map{kLayout, {{"Nose", {0}}, {"MidHip", {2, 3}}, {"Tail", {}}, {"Neck", {1}}}};
   const LandmarkPicker picker(map, {{"MidHip", 0, {}}, {"Tail", 0, {}}, {"Nose", 0, {}}, {"Neck", 0, {}}});
