@@ -42,12 +42,12 @@ judge() {
 # row TITLE NAME
 row() {
   echo "| $1 | {$2-@.json surface SVIoU 4} | {$2-@.json surface RVIoU 4} | {$2-@.as-is.json surface AMVIoU 4}" \
-    "| {$2-@/track.json vertex_error_mm 0} | {$2-@.json surface GLE_mm 0} | {$2-@.json surface MPJPE_mm 0} |"
+    "| {$2-@.json surface GLE_mm 0} | {$2-@.json surface MPJPE_mm 0} |"
 }
 heading() {
   echo "| $1, mean over cameras ${cameras[*]} | IoU, tracked camera | IoU, others, at the true position" \
-    "| IoU, all, as it is | vertices, mm | GLE, mm | MPJPE, mm |"
-  echo "|---|---:|---:|---:|---:|---:|---:|"
+    "| IoU, all, as it is | GLE, mm | MPJPE, mm |"
+  echo "|---|---:|---:|---:|---:|---:|"
 }
 # part NAME TITLE [KEY=VALUE ...]: a row for the training sequences, with changed keys
 part() {

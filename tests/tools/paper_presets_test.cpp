@@ -25,7 +25,7 @@ class PaperPresets : public ::testing::Test {
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder;
     step("synth --preset tiny --out " + at("capture"));
-    step("prepare " + at("capture") + " --out " + at("prepared"));
+    step("prepare --limit-frames 8 " + at("capture") + " --out " + at("prepared"));
   }
   static void TearDownTestSuite() {
     delete folder_;
