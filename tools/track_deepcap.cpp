@@ -24,6 +24,7 @@ TrackReport track_with_networks(const TrackArguments& arguments, DeepcapOptions 
 Command add_track_deepcap(CLI::App& track) {
   struct Arguments : TrackArguments {
     DeepcapOptions deepcap;
+    std::string smooth = "poses";
   };
   auto arguments = std::make_shared<Arguments>();
   DeepcapOptions& deepcap = arguments->deepcap;
@@ -36,10 +37,16 @@ Command add_track_deepcap(CLI::App& track) {
   app->add_option("--smoothing", deepcap.smoothing, "Sigma of the Gaussian over five frames, in frames (0: none)")
       ->check(CLI::Range(0.0, 10.0))
       ->capture_default_str();
+  app->add_option("--smooth", arguments->smooth,
+                  "What is smoothed: poses and deformations, or the vertices of the surface (5.8)")
+      ->check(CLI::IsMember({"poses", "vertices"}))
+      ->capture_default_str();
   add_vertices_option(*app, *arguments);
   app->add_flag("!--no-film", deepcap.film, "Do not write SEQUENCE.mp4, a film of the surface over the images");
   app->add_option("--texture", arguments->texture, "Texture image for the surface in the film");
   const auto run = [arguments](const CommonOptions& common) {
+    arguments->deepcap.smoothed =
+        arguments->smooth == "vertices" ? DeepcapSmoothing::vertices : DeepcapSmoothing::poses;
     return track_sequences(*arguments, common, true, [arguments](const TrackArguments& found) {
       return track_with_networks(found, arguments->deepcap);
     });

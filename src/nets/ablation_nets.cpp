@@ -218,6 +218,33 @@ void describe_network_kind(const Keys& keys, NetworkKind& kind) {
   keys("network", kind, network_kind_words(), "graph network, or a baseline of Table 6.4");
 }
 
+void refuse_unread_keys(const Keys& keys, NetworkKind kind, const SagcnConfig& sagcn, const SagcnConfig& defaults,
+                        const AblationConfig& ablation) {
+  const bool flat = kind == NetworkKind::fully_connected, structured = kind == NetworkKind::sagcn;
+  const std::string unread = fmt::format(
+      "`network: {}` does not read this key, so its value has no effect; leave the key out, or choose another network",
+      network_kind_words()[as_size(kind)]);
+  keys.require("features", !flat || sagcn.features == defaults.features, unread);
+  keys.require("residual_blocks", !flat || sagcn.residual_blocks == defaults.residual_blocks, unread);
+  keys.require("norm", !flat || sagcn.norm == defaults.norm, unread);
+  keys.require("dense", !flat || sagcn.dense == defaults.dense, unread);
+  keys.require("rings", structured || sagcn.rings == defaults.rings, unread);
+  keys.require("dense_normalised", structured || sagcn.dense_normalised == defaults.dense_normalised, unread);
+  keys.require("dense_normalised",
+               sagcn.dense == DenseBlock::broadcast || sagcn.dense_normalised == defaults.dense_normalised,
+               "only `dense: broadcast` reads this key; leave it out, or set dense: broadcast");
+  keys.require("dense", kind != NetworkKind::chebyshev || sagcn.dense != DenseBlock::matrix,
+               "`network: chebyshev` has no learned matrix in its dense block; set dense: broadcast or none");
+  keys.require(
+      "head_scale",
+      !structured || sagcn.initialisation == SagcnInitialisation::glorot || sagcn.head_scale == defaults.head_scale,
+      "`preset: public_checkpoint` draws the weights of the last layer as the public code does and does not "
+      "read this key; leave it out, or set preset: paper");
+  keys.require("chebyshev_order",
+               kind == NetworkKind::chebyshev || ablation.chebyshev_order == AblationConfig().chebyshev_order,
+               "only `network: chebyshev` reads this key; leave it out, or set network: chebyshev");
+}
+
 Tensor standardised(const Tensor& input, const Tensor& mean, const Tensor& std, double limit) {
   const Tensor scaled = (input - mean) / std;
   return limit > 0.0 ? scaled.clamp(-limit, limit) : scaled;

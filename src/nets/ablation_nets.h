@@ -115,6 +115,10 @@ std::shared_ptr<GraphNetwork> make_network(const NetworkPlan& plan, const MeshTo
 
 /// The key `network`.
 void describe_network_kind(const Keys& keys, NetworkKind& kind);
+/// Refuses keys that the chosen network does not read, unless they have their default value.
+/// @param defaults of the SAGCN keys
+void refuse_unread_keys(const Keys& keys, NetworkKind kind, const SagcnConfig& sagcn, const SagcnConfig& defaults,
+                        const AblationConfig& ablation);
 
 /// The input of a network: (x - mean) / std, clamped to [-limit, limit] when limit > 0. The limit prevents the output
 /// from exploding for poses far from the training set.

@@ -42,6 +42,7 @@ void describe_keys(const Keys& keys, EgNetConfig& config) {
   keys("preset", public_checkpoint, {"paper", "public_checkpoint"},
        "the values of the thesis, or those of the public checkpoint: R = 2, and inputs and initial weights of its own");
   if (public_checkpoint) config = EgNetConfig::preset("public_checkpoint");
+  const EgNetConfig defaults = config;
   describe_keys(keys, config.sagcn);
   keys("past_frames", config.past_frames, between(0, 100), "F, the past frames of the motion window");
   keys("rotation", config.rotation, {"euler", "rotation_6d"}, "angles, or numbers without jumps at 2 pi");
@@ -53,6 +54,13 @@ void describe_keys(const Keys& keys, EgNetConfig& config) {
   keys("inertia_modes", config.inertia_modes, between(1, 8), "damped oscillations of this motion");
   describe_network_kind(keys, config.network);
   describe_keys(keys, config.ablation);
+  refuse_unread_keys(keys, config.network, config.sagcn, defaults.sagcn, config.ablation);
+  keys.require("rotation", config.network != NetworkKind::fully_connected || config.rotation == defaults.rotation,
+               "the input of `network: fully_connected` is the DoFs, not rotations of nodes; leave the key out, or "
+               "choose another network");
+  keys.require("inertia_modes", config.inertia > 0 || config.inertia_modes == defaults.inertia_modes,
+               "nodes have no inertia without `inertia`; set inertia to a number of past frames, for example 12, or "
+               "leave inertia_modes out");
 }
 
 void EgNetConfig::check() const {

@@ -23,6 +23,7 @@ MotionGraphConfig::MotionGraphConfig() {
 }
 
 void describe_keys(const Keys& keys, MotionGraphConfig& config) {
+  const SagcnConfig defaults = config.sagcn;
   describe_keys(keys, config.sagcn);
   keys("past_frames", config.past_frames, between(0, 100), "F, the past frames of the motion window");
   keys("heading", config.heading, {"removed", "kept"}, "which way the person faces is an input (6.25), or not");
@@ -30,6 +31,7 @@ void describe_keys(const Keys& keys, MotionGraphConfig& config) {
        "limit of the scaled inputs, standard deviations; 0: no limit");
   describe_network_kind(keys, config.network);
   describe_keys(keys, config.ablation);
+  refuse_unread_keys(keys, config.network, config.sagcn, defaults, config.ablation);
 }
 
 void MotionGraphConfig::check() const {

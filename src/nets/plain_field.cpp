@@ -24,7 +24,11 @@ RadianceFieldConfig network_of(const PlainFieldConfig& config) {
 }  // namespace
 
 void describe_keys(const Keys& keys, PlainFieldConfig& config) {
-  describe_keys(keys.section("field"), config.field);
+  describe_field_layers(keys.section("field"), config.field);
+  keys("field.skip", config.field.skip, between(0, 31),
+       "layer of the trunk, from 1, after which the encoded position is an input again; 0: none");
+  keys.require("field.skip", config.field.skip < config.field.layers,
+               fmt::format("found {}; it must be less than `layers`, {}", config.field.skip, config.field.layers));
   keys("position_octaves", config.position_octaves, between(0, 20), "encoding of the position");
   keys("coarse", config.coarse, between<std::int64_t>(1, 4096), "samples of the coarse network");
   keys("fine", config.fine, between<std::int64_t>(1, 4096), "further samples of the fine network");

@@ -1,5 +1,6 @@
 #include "doppel/nets/radiance_field.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -28,13 +29,17 @@ int64_t encoded(int64_t channels, int octaves) { return channels * (1 + 2 * octa
 
 }  // namespace
 
-void describe_keys(const Keys& keys, RadianceFieldConfig& config) {
-  keys("features", config.features, between(1, 4096), "of the motion, per vertex");
+void describe_field_layers(const Keys& keys, RadianceFieldConfig& config) {
   keys("layers", config.layers, between(1, 32), "of the trunk");
   keys("width", config.width, between(1, 8192), "of the trunk");
   keys("view_width", config.view_width, between(1, 8192), "of the branch with the direction of view");
   keys("view_dependent", config.view_dependent,
        "false: colours do not depend on the direction of view; for few cameras");
+}
+
+void describe_keys(const Keys& keys, RadianceFieldConfig& config) {
+  keys("features", config.features, between(1, 4096), "of the motion, per vertex");
+  describe_field_layers(keys, config);
   keys("place_octaves", config.place_octaves, between(0, 20),
        "encoding of the closest point on the rest surface; 0: not an input, as in the thesis");
   keys("t_mi", config.t_mi, between(1e-6, 1e3), "metres inside the mesh that are sampled");
@@ -48,6 +53,8 @@ void RadianceFieldConfig::check() const {
   };
   require(features > 0, fmt::format("features must be at least 1, found {}", features));
   require(layers > 0, fmt::format("layers must be at least 1, found {}", layers));
+  require(skip >= 0 && skip < std::max(layers, 1),
+          fmt::format("skip must be 0, or a layer of the trunk before the last of {}, found {}", layers, skip));
   require(width > 0 && view_width > 0,
           fmt::format("width and view_width must be at least 1, found {} and {}", width, view_width));
   require(distance_octaves >= 0 && direction_octaves >= 0 && place_octaves >= 0,
@@ -74,8 +81,7 @@ RadianceFieldImpl::RadianceFieldImpl(const RadianceFieldConfig& config, std::opt
   config_.check();
   at::Generator draw = generator ? *generator : at::detail::createCPUGenerator(kRadianceFieldSeed);
   trunk_ = register_module("trunk", torch::nn::ModuleList());
-  for (int i = 0; i < config_.layers; ++i)
-    trunk_->push_back(make_linear(i == 0 ? num_inputs() : config_.width, config_.width, true, draw));
+  for (int i = 0; i < config_.layers; ++i) trunk_->push_back(make_linear(layer_inputs(i), config_.width, true, draw));
   density_ = register_module("density", make_linear(config_.width, 1, true, draw));
   view_of_hidden_ = register_module("view_of_hidden", make_linear(config_.width, config_.view_width, true, draw));
   if (config_.view_dependent)
@@ -89,7 +95,13 @@ int64_t RadianceFieldImpl::num_inputs() const {
   return config_.features + position + encoded(1, config_.distance_octaves);
 }
 
+int64_t RadianceFieldImpl::layer_inputs(int layer) const {
+  if (layer == 0) return num_inputs();
+  return config_.width + (layer == config_.skip ? num_inputs() : 0);
+}
+
 RadianceFieldImpl::ImageLayers RadianceFieldImpl::image_layers() const {
+  if (config_.skip > 0) fail("a radiance field with `skip` {} has no image layers; draw it by `forward`", config_.skip);
   const torch::NoGradGuard no_grad;
   std::vector<std::pair<Tensor, Tensor>> trunk;
   for (const auto& module : *trunk_) {
@@ -123,8 +135,12 @@ FieldValues RadianceFieldImpl::forward(const Tensor& values, const Tensor& dista
   if (config_.place_octaves > 0)
     inputs.push_back(positional_encoding(values.narrow(1, config_.features, 3), config_.place_octaves));
   inputs.push_back(positional_encoding(distance.unsqueeze(1), config_.distance_octaves));
-  Tensor hidden = torch::cat(inputs, 1);
-  for (const auto& layer : *trunk_) hidden = layer->as<torch::nn::Linear>()->forward(hidden).relu_();
+  const Tensor input = torch::cat(inputs, 1);
+  Tensor hidden = input;
+  for (int i = 0; i < config_.layers; ++i) {
+    if (i > 0 && i == config_.skip) hidden = torch::cat({input, hidden}, 1);
+    hidden = trunk_->at<torch::nn::LinearImpl>(static_cast<std::size_t>(i)).forward(hidden).relu_();
+  }
   return {density(hidden), colour(hidden, direction)};
 }
 

@@ -32,9 +32,12 @@
 namespace doppel {
 
 struct RadianceFieldConfig {
-  int features = 64;           ///< of the motion
-  int layers = 4;              ///< of the trunk
-  int width = 256;             ///< of the trunk
+  int features = 64;  ///< of the motion
+  int layers = 4;     ///< of the trunk
+  int width = 256;    ///< of the trunk
+  /// The inputs join the hidden values after this layer of the trunk, counted from 1; 0: nowhere. Only for fields that
+  /// are not drawn by `image_layers`.
+  int skip = 0;
   int view_width = 128;        ///< of the branch with the viewing direction
   int distance_octaves = 10;   ///< of gamma(d)
   bool view_dependent = true;  ///< false: colours do not depend on the viewing direction
@@ -51,6 +54,8 @@ struct RadianceFieldConfig {
   void check() const;
 };
 void describe_keys(const Keys& keys, RadianceFieldConfig& config);
+/// The keys of the layers alone, for a field with other inputs.
+void describe_field_layers(const Keys& keys, RadianceFieldConfig& config);
 
 /// gamma: x, then sin and cos of 2^k pi x for k = 0 .. octaves-1. @param x [...,C] @return [..., C (1 + 2 octaves)]
 torch::Tensor positional_encoding(const torch::Tensor& x, int octaves);
@@ -72,7 +77,7 @@ class RadianceFieldImpl : public torch::nn::Module {
   /// @throws UsageError naming the argument, with the shape found
   FieldValues forward(const torch::Tensor& values, const torch::Tensor& distance, const torch::Tensor& direction);
 
-  /// The layers of `forward` for images, without tensors, with the weights as they are now.
+  /// The layers of `forward` for images, without tensors, with the weights as they are now. @throws Error with `skip`
   struct ImageLayers {
     DenseLayers trunk;           ///< [num_inputs] to hidden [width]
     std::vector<float> density;  ///< [width] weights
@@ -86,6 +91,7 @@ class RadianceFieldImpl : public torch::nn::Module {
   int64_t num_inputs() const;
 
  private:
+  int64_t layer_inputs(int layer) const;
   torch::Tensor density(const torch::Tensor& hidden);
   torch::Tensor colour(const torch::Tensor& hidden, const torch::Tensor& direction);
 

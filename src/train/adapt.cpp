@@ -30,6 +30,21 @@ namespace {
 
 constexpr const char* kStages[] = {"posenet", "defnet"};
 
+/// The weights of DefNet's losses that the configuration states, by name.
+std::vector<std::pair<std::string, double>> stated_weights(const AdaptDefNet& stage) {
+  std::vector<std::pair<std::string, double>> weights;
+  if (stage.silhouette) weights.emplace_back("silhouette", *stage.silhouette);
+  if (stage.keypoints) weights.emplace_back("keypoints", *stage.keypoints);
+  if (stage.arap) weights.emplace_back("arap", *stage.arap);
+  return weights;
+}
+
+/// How the network of a stage is fine-tuned.
+const AdaptStage& stage_of(const AdaptConfig& config, const std::string& kind) {
+  if (kind == "posenet") return config.posenet;
+  return config.defnet;
+}
+
 /// The settings that determine the result; a repeated call must have the same.
 std::string settings_of(const AdaptOptions& options, const Dataset& dataset, const std::string& camera) {
   const AdaptConfig& config = options.config;
@@ -42,12 +57,14 @@ std::string settings_of(const AdaptOptions& options, const Dataset& dataset, con
   settings["validation"] = config.validation;
   settings["check_every"] = config.check_every;
   for (const std::string kind : kStages) {
-    const AdaptStage& stage = kind == "posenet" ? config.posenet : config.defnet;
+    const AdaptStage& stage = stage_of(config, kind);
     YAML::Node keys = settings[kind];
     keys["iterations"] = stage.iterations;
     keys["learning_rate"] = stage.learning_rate;
     keys["batch_size"] = stage.batch_size;
-    if (kind == "posenet") keys["keypoints"] = stage.keypoints;
+    if (kind == "posenet") keys["keypoints"] = config.posenet.keypoints;
+    if (kind == "defnet")
+      for (const auto& [name, weight] : stated_weights(config.defnet)) keys[name] = weight;
     keys["freeze_norm"] = stage.freeze_norm;
   }
   return YAML::Dump(settings) + "\n";
@@ -89,9 +106,7 @@ class Adaptation {
   }
 
  private:
-  const AdaptStage& wanted(const std::string& kind) const {
-    return kind == "posenet" ? options_.config.posenet : options_.config.defnet;
-  }
+  const AdaptStage& wanted(const std::string& kind) const { return stage_of(options_.config, kind); }
   bool tuned(const std::string& kind) const {
     return wanted(kind).iterations > 0 && (kind == "posenet" || has_defnet_);
   }
@@ -114,12 +129,14 @@ class Adaptation {
                                      fmt::format("train.keep_every={}", options_.config.check_every)};
     if (kind == "posenet") {
       changes.push_back(fmt::format("phases=[{{iterations: {}, learning_rate: {}, keypoints: {}}}]", stage.iterations,
-                                    stage.learning_rate, stage.keypoints));
+                                    stage.learning_rate, options_.config.posenet.keypoints));
     } else {
       changes.push_back(fmt::format("train.iterations={}", stage.iterations));
       changes.push_back(fmt::format("train.learning_rate={}", stage.learning_rate));
       changes.emplace_back("train.schedule=constant");
       changes.emplace_back("train.warmup=0");
+      for (const auto& [name, weight] : stated_weights(options_.config.defnet))
+        changes.push_back(fmt::format("loss.{}={}", name, weight));
     }
     return ConfigDocument::load(RunFolder(stage_folder(options_.run, kind)).config(), changes);
   }
@@ -342,6 +359,10 @@ void describe_keys(const Keys& keys, AdaptConfig& c) {
   keys("posenet.keypoints", c.posenet.keypoints, at_least(0.0),
        "weight of the keypoint loss, squared pixels of an image 1024 wide");
   describe_stage(keys.section("defnet"), c.defnet);
+  const std::string studio = "; without it, that of the studio run; thesis: ";
+  keys("defnet.silhouette", c.defnet.silhouette, at_least(0.0), "weight of the silhouette loss" + studio + "1000");
+  keys("defnet.keypoints", c.defnet.keypoints, at_least(0.0), "weight of the keypoint loss" + studio + "0.05");
+  keys("defnet.arap", c.defnet.arap, at_least(0.0), "weight of ARAP" + studio + "1500");
 }
 
 AdaptConfig AdaptConfig::read(const ConfigDocument& document) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 #include "doppel/core/config.h"
@@ -17,8 +18,16 @@ struct AdaptStage {
   std::int64_t iterations = 250;  ///< 0: the network is not changed
   double learning_rate = 1e-6;
   int batch_size = 90;
-  double keypoints = 1e-6;   ///< PoseNet only: weight of the keypoint loss, per squared reference pixel
   bool freeze_norm = false;  ///< batch normalisation keeps the studio's statistics
+};
+
+struct AdaptPoseNet : AdaptStage {
+  double keypoints = 1e-6;  ///< weight of the keypoint loss, per squared reference pixel
+};
+
+/// Weights of the losses as in `DefNetRunConfig`; nothing: that of the studio run. The thesis has 1000, 0.05 and 1500.
+struct AdaptDefNet : AdaptStage {
+  std::optional<double> silhouette, keypoints, arap;
 };
 
 /// The content of `configs/*/adapt.yaml`; docs/training.md lists the keys. Defaults are those of the thesis (A.1.3):
@@ -30,7 +39,8 @@ struct AdaptConfig {
   double held_out = 0.0;          ///< share of the clip's frames, the last ones, that are used only to evaluate
   double validation = 0.0;        ///< share of the frames before these, which choose the checkpoint; 0: the last step
   std::int64_t check_every = 25;  ///< steps between the checkpoints that are evaluated
-  AdaptStage posenet, defnet;
+  AdaptPoseNet posenet;
+  AdaptDefNet defnet;
 
   /// @throws FileError at the key
   static AdaptConfig read(const ConfigDocument& document);

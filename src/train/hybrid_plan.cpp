@@ -18,6 +18,9 @@ void describe_keys(const Keys& keys, HybridPlan& plan) {
   keys("rates.joint", plan.joint_rate_, between(0.0, 10.0), "the same of end-to-end steps");
   keys("rates.final_ratio", plan.final_ratio_, between(0.0, 1.0), "last rate / first rate of a phase");
   keys.require("rounds", plan.iterations() > 0, "no round has any steps, so nothing would be trained");
+  keys.require("rates.joint", plan.joint_ > 0 || plan.joint_rate_ == HybridPlan().joint_rate_,
+               "without `joint` there are no end-to-end steps that it could be the rate of; set joint to a number of "
+               "steps, or leave rates.joint out");
 }
 
 std::vector<HybridPlan::Part> HybridPlan::parts() const {

@@ -71,6 +71,8 @@ void describe_keys(const Keys& keys, HybridRunConfig& c) {
   describe_keys(keys.section("model"), c.model);
   keys("model.standardise", c.standardise, "scale the inputs of the motion network, when there are several frames");
   keys("rays.count", c.rays, between(1, 1 << 20), "of a step");
+  keys("rays.in_mask", c.in_mask, between(0.0, 1.0),
+       "share of them drawn inside the mask; the others from all pixels near the mesh; 0: as in A.3");
   describe_keys(keys.section("rays"), c.field_rays);
   keys("rays.cloud", c.cloud_rays, between(1, 1 << 24), "most points of a point cloud");
   describe_refinement(keys.section("loss"), c);
@@ -191,7 +193,7 @@ HybridStage::ImageRays HybridStage::draw_rays(const Batch& batch, const Tensor& 
     if (!seen.reached.any().item<bool>()) continue;
     const Tensor image = batch.image[0][view], projection = batch.image_projection[0][view];
     const Tensor foreground = batch.image_mask[0][view].to(torch::kFloat32);
-    const Tensor pixels = draw_pixels(seen, 0, foreground, share, context.generator);
+    const Tensor pixels = draw_pixels(seen, 0, foreground, share, config_.in_mask, context.generator);
     const PixelRays rays = pixel_rays(projection, pixels);
     const RayInterval interval = guided_interval(seen, 0, pixels, viewer_.faces(), vertices, projection, guide_);
     origin.push_back(rays.origin.expand({pixels.size(0), 3}));

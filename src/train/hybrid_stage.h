@@ -27,7 +27,8 @@ struct HybridRunConfig {
   bool standardise = true;  ///< scale the inputs of the motion network, when there are several frames
 
   // Rays.
-  int rays = 1000;  ///< rays of a step, shared among its cameras (A.3)
+  int rays = 1000;       ///< rays of a step, shared among its cameras (A.3)
+  double in_mask = 0.5;  ///< share of these rays drawn inside the mask; thesis: 0 (A.3)
   FieldRays field_rays;
   int cloud_rays = 50000;  ///< largest number of rays for the point cloud of one view
 

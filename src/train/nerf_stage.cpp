@@ -13,14 +13,15 @@ using torch::Tensor;
 
 namespace {
 
-/// Random pixels (column, row) of an image, half of them in the mask. With an empty mask all are anywhere.
-Tensor random_pixels(const Tensor& mask, std::int64_t count, at::Generator& generator) {
+/// Random pixels (column, row) of an image. With an empty mask all are anywhere. @param in_mask share in the mask, 0..1
+Tensor random_pixels(const Tensor& mask, std::int64_t count, double in_mask, at::Generator& generator) {
   const std::int64_t width = mask.size(1);
   Tensor inside = mask.flatten().nonzero().squeeze(1);
   if (inside.size(0) == 0) inside = torch::arange(mask.numel(), torch::kInt64);
-  const Tensor first = inside.index_select(0, torch::randint(0, inside.size(0), {count / 2}, generator, torch::kInt64));
+  const auto shown = static_cast<std::int64_t>(in_mask * static_cast<double>(count));
+  const Tensor first = inside.index_select(0, torch::randint(0, inside.size(0), {shown}, generator, torch::kInt64));
   const Tensor positions =
-      torch::cat({first, torch::randint(0, mask.numel(), {count - count / 2}, generator, torch::kInt64)});
+      torch::cat({first, torch::randint(0, mask.numel(), {count - shown}, generator, torch::kInt64)});
   return torch::stack({positions.remainder(width), torch::div(positions, width, "floor")}, 1);
 }
 
@@ -28,7 +29,11 @@ Tensor random_pixels(const Tensor& mask, std::int64_t count, at::Generator& gene
 
 void describe_keys(const Keys& keys, NerfRunConfig& c) {
   describe_keys(keys.section("data"), c.loader);
+  keys.require("data.batch_size", c.loader.batch_size == 1,
+               fmt::format("found {}; the field represents one frame, so only 1 is allowed", c.loader.batch_size));
   keys("rays.count", c.rays, between(1, 1 << 20), "of a step");
+  keys("rays.in_mask", c.in_mask, between(0.0, 1.0),
+       "share of them drawn inside the mask; the others from the whole image");
   describe_keys(keys.section("model"), c.model);
   describe_keys(keys.section("train"), c.trainer);
 }
@@ -49,7 +54,7 @@ LossTerms NerfStage::loss(const Batch& batch, StepContext& context) {
   std::vector<Tensor> origin, direction, colour, mask;
   for (std::int64_t c = 0; c < C; ++c) {
     const Tensor foreground = batch.image_mask[0][c];
-    const Tensor pixels = random_pixels(foreground, share, context.generator);
+    const Tensor pixels = random_pixels(foreground, share, config_.in_mask, context.generator);
     const PixelRays rays = pixel_rays(batch.image_projection[0][c], pixels);
     origin.push_back(rays.origin.expand({pixels.size(0), 3}));
     direction.push_back(rays.direction);

@@ -11,9 +11,10 @@ namespace doppel {
 /// The configuration of the stage `nerf`; `docs/training.md` lists the keys.
 struct NerfRunConfig {
   RunSubject subject;
-  LoaderOptions loader = image_loader(1, 1);  ///< of one frame
+  LoaderOptions loader = image_loader(1, 1);  ///< of one frame; `batch_size` must be 1
   PlainFieldConfig model;
-  int rays = 1000;  ///< rays of a step, shared among its cameras
+  int rays = 1000;       ///< rays of a step, shared among its cameras
+  double in_mask = 0.5;  ///< share of these rays drawn inside the mask
   TrainerOptions trainer;
 
   static NerfRunConfig read(const ConfigDocument& document);
@@ -21,7 +22,7 @@ struct NerfRunConfig {
 void describe_keys(const Keys& keys, NerfRunConfig& config);
 
 /// Trains a radiance field without a mesh on one frame (6.12.5.2), for comparison. The loss compares colour and mask of
-/// both of its networks. Half of the rays pass through the mask, the others through the whole image.
+/// both of its networks. A share of the rays passes through the mask, the others through the whole image.
 class NerfStage : public CaptureStage {
  public:
   /// @param dataset, actor must outlive the stage @throws UsageError unless the data is one frame

@@ -47,6 +47,13 @@ void describe_keys(const Keys& keys, SilhouetteOptions& options) {
        "`--mask-size 700` and whose weights do not depend on the size of the crops");
   keys("visible_only", options.visible_only, "boundary vertices must be visible to the camera");
   keys("unit", options.unit, {"crop_pixels", "image_pixels"}, "of the residuals");
+  const bool vertices = options.boundary == SilhouetteBoundary::vertices;
+  keys.require("visible_only", vertices || !options.visible_only,
+               "found true, but `boundary: outline` compares points of the drawn outline, not vertices; leave the key "
+               "out, or set boundary: vertices");
+  keys.require("unit", vertices || options.unit == SilhouetteUnit::crop_pixels,
+               "found image_pixels, but `boundary: outline` counts in image pixels of its own accord; leave the key "
+               "out, or set boundary: vertices");
 }
 
 void describe_keys(const Keys& keys, LaplacianOptions& options) {

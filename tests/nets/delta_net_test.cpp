@@ -341,12 +341,12 @@ TEST(DeltaNetConfigReference, ReadsDefaultsAndChanges) {
   EXPECT_EQ(paper.space, DisplacementSpace::canonical);
   EXPECT_EQ(paper.ablation.fully_connected_layers, 19);
   const DeltaNetConfig changed = read(
-      "space: global\nnetwork: chebyshev\nchebyshev_order: 4\nnorm: channel\ndense: matrix\npast_frames: 1\nfeatures: "
+      "space: global\nnetwork: chebyshev\nchebyshev_order: 4\nnorm: channel\ndense: none\npast_frames: 1\nfeatures: "
       "8");
   EXPECT_EQ(changed.space, DisplacementSpace::global);
   EXPECT_EQ(changed.network, NetworkKind::chebyshev);
   EXPECT_EQ(changed.ablation.chebyshev_order, 4);
-  EXPECT_EQ(changed.sagcn.dense, DenseBlock::matrix);
+  EXPECT_EQ(changed.sagcn.dense, DenseBlock::none);
   EXPECT_EQ(changed.past_frames, 1);
 }
 

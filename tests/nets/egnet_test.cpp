@@ -18,11 +18,13 @@
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
+#include "support/message_of.h"
 #include "support/test_character.h"
 
 namespace doppel::egnet_test {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using torch::Tensor;
 
@@ -374,6 +376,32 @@ TEST(EgNetConfigRejects, MistakesWithFileAndKey) {
   EXPECT_THAT(message("residual_blocks: 3"), HasSubstr("residual_blocks"));
   EXPECT_THAT(message("norm: batch"), HasSubstr("norm"));
   EXPECT_THAT(message("ring: 3"), HasSubstr("rings"));
+}
+
+TEST(EgNetConfigRejects, KeysThatTheNetworkDoesNotRead) {
+  const auto message = [](const std::string& text) -> std::string {
+    const ConfigDocument document = ConfigDocument::parse(text, "egnet.yaml");
+    return support::message_of([&] { read_options<EgNetConfig>(document.root()); });
+  };
+  for (const char* key : {"features: 8", "residual_blocks: 4", "rings: 2", "norm: channel", "dense: broadcast",
+                          "dense_normalised: false", "rotation: rotation_6d", "chebyshev_order: 4"}) {
+    const std::string name = std::string(key).substr(0, std::string(key).find(':'));
+    EXPECT_THAT(message(std::string("network: fully_connected\n") + key),
+                AllOf(HasSubstr("egnet.yaml:2"), HasSubstr(name), HasSubstr("leave")));
+  }
+  for (const char* key : {"rings: 2", "dense_normalised: false"})
+    EXPECT_THAT(message(std::string("network: chebyshev\n") + key), HasSubstr("`network: chebyshev` does not read"));
+  EXPECT_THAT(message("{network: chebyshev, dense: matrix}"), HasSubstr("set dense: broadcast or none"));
+  EXPECT_THAT(message("chebyshev_order: 2"), HasSubstr("set network: chebyshev"));
+  EXPECT_THAT(message("dense_normalised: false"), HasSubstr("set dense: broadcast"));
+  EXPECT_THAT(message("inertia_modes: 3"), HasSubstr("set inertia to a number of past frames"));
+  EXPECT_THAT(message("{preset: public_checkpoint, head_scale: 0.1}"), HasSubstr("set preset: paper"));
+  for (const char* fine :
+       {"{network: fully_connected, features: 16, rings: 3, norm: node, head_scale: 0.1, rotation: euler}",
+        "{network: chebyshev, chebyshev_order: 4, features: 8, dense: broadcast}", "{inertia: 4, inertia_modes: 3}",
+        "inertia_modes: 2", "{preset: public_checkpoint, network: fully_connected, rings: 2}",
+        "{dense: broadcast, dense_normalised: false}"})
+    EXPECT_EQ(message(fine), "nothing was thrown") << fine;
 }
 
 }  // namespace

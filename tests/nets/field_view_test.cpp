@@ -134,6 +134,23 @@ TEST(Hybrid, VerticesCarryFeaturesAndPositions) {
   EXPECT_TRUE(torch::allclose(position - position[0], scale * (rest - rest[0]), 1e-4, 1e-5));
 }
 
+TEST(PlainField, HasTheSizeOfItsPublicationIfAsked) {
+  const ConfigDocument document = ConfigDocument::parse(
+      "{position_octaves: 10, coarse: 64, fine: 128, field: {layers: 8, width: 256, skip: 5, view_width: 128}}", "c");
+  const ConfigReader root = document.root();
+  PlainField field(torch::eye(3), read_options<PlainFieldConfig>(root));
+  root.finish();
+  // The encoded position has 63 numbers, the encoded direction 27; a further input, the distance from the mesh, is
+  // always 0. The published layer of 256 without activation between trunk and colours is one with the layer behind it.
+  int64_t count = 0;
+  for (const Tensor& p : field->parameters()) count += p.numel();
+  EXPECT_EQ(count, 2 * (65 * 256 + 6 * 257 * 256 + (257 + 64) * 256 + 257 + (257 + 27) * 128 + 129 * 3));
+  const ConfigDocument guided = ConfigDocument::parse("field: {t_mi: 0.1}", "c");
+  const ConfigReader other = guided.root();
+  read_options<PlainFieldConfig>(other);
+  EXPECT_THAT(message_of([&] { other.finish(); }), HasSubstr("t_mi")) << "there is no mesh";
+}
+
 TEST(PlainField, SeesOnlyItsBox) {
   Scene scene;
   PlainFieldConfig config;

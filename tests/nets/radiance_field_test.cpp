@@ -97,6 +97,31 @@ TEST(RadianceField, SeesThePositionWithinAFace) {
   }
 }
 
+TEST(RadianceField, ASkipJoinsTheInputsToALayer) {
+  RadianceFieldConfig config = small_config();
+  config.layers = 3;
+  config.skip = 2;
+  config.view_dependent = false;
+  RadianceField field(config);
+  const auto weights = field->named_parameters();
+  const int64_t inputs = field->num_inputs();
+  EXPECT_EQ(weights["trunk.1.weight"].sizes(), torch::IntArrayRef({12, 12}));
+  EXPECT_EQ(weights["trunk.2.weight"].sizes(), torch::IntArrayRef({12, inputs + 12}));
+  const auto generator = at::detail::createCPUGenerator(3);
+  const Tensor values = torch::randn({6, 5}, generator), distance = torch::rand({6}, generator);
+  const Tensor input = torch::cat({values, positional_encoding(distance.unsqueeze(1), 3)}, 1);
+  const auto layer = [&](const std::string& name, const Tensor& x) {
+    return torch::addmm(weights[name + ".bias"], x, weights[name + ".weight"].t());
+  };
+  const Tensor hidden = layer("trunk.1", layer("trunk.0", input).relu()).relu();
+  const Tensor last = layer("trunk.2", torch::cat({input, hidden}, 1)).relu();
+  const Tensor expected = torch::softplus(layer("density", last)).squeeze(1) / config.density_unit;
+  EXPECT_TRUE(is_near(field->forward(values, distance, torch::zeros({6, 3})).density, expected, 1e-4));
+  EXPECT_THAT(message_of([&] { field->image_layers(); }), testing::HasSubstr("skip"));
+  config.skip = 3;
+  EXPECT_THAT(message_of<UsageError>([&] { RadianceField other(config); }), testing::HasSubstr("before the last of 3"));
+}
+
 TEST(RadianceField, ColoursDependOnTheDirectionOnlyIfAsked) {
   RadianceFieldConfig config = small_config();
   for (const bool dependent : {false, true}) {

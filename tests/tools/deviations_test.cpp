@@ -67,7 +67,7 @@ TEST_P(Preset, SaysWhyForEveryDeviation) {
     EXPECT_FALSE(other.why.empty() || other.thesis.empty() || other.ours.empty() || other.section.empty());
 }
 
-INSTANTIATE_TEST_SUITE_P(Paper, Preset, ::testing::Values("livecap", "deepcap", "adapt", "ddc", "hybrid"),
+INSTANTIATE_TEST_SUITE_P(Paper, Preset, ::testing::Values("livecap", "deepcap", "adapt", "ddc", "hybrid", "nerf"),
                          [](const auto& preset) { return preset.param; });
 
 TEST(DeviationsPage, IsUpToDate) {

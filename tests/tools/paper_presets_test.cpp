@@ -61,7 +61,7 @@ class PaperPresets : public ::testing::Test {
 };
 TemporaryFolder* PaperPresets::folder_ = nullptr;
 
-TEST_F(PaperPresets, DdcAndTheHybridOnIt) {
+TEST_F(PaperPresets, DdcAndBothRadianceFieldsOnIt) {
   std::vector<std::string> changes{"egnet.data.batch_size=4",    "lighting.data.image_size=64",
                                    "deltanet.data.batch_size=2", "deltanet.data.image_size=64",
                                    "texnet.data.batch_size=2",   "texnet.data.image_size=64",
@@ -78,6 +78,10 @@ TEST_F(PaperPresets, DdcAndTheHybridOnIt) {
                    "radiance.rounds.0.field=1", "radiance.rounds.0.refine=1", "radiance.rounds.1.field=1",
                    "radiance.rounds.1.refine=1", "radiance.train.log_every=1"});
   expect_steps("hybrid/radiance", 4);
+
+  train("nerf", {"ddc=" + at("ddc"), "nerf.data.frames=[3]", "nerf.data.image_size=64", "nerf.rays.count=32",
+                 "nerf.train.iterations=" + std::to_string(kSteps), "nerf.train.log_every=1"});
+  expect_steps("nerf/nerf", kSteps);
 }
 
 TEST_F(PaperPresets, DeepCapAndItsAdaptation) {

@@ -393,16 +393,17 @@ TEST_F(ProgramRecovers, WrongCamerasAndMapsAreNamed) {
     EXPECT_EQ(outcome.code, code) << more << "\n" << outcome.err;
     return outcome.err;
   };
-  EXPECT_NE(complaint(" --camera 77 --capture " + at("prepared"), 2).find("the cameras are 0"), std::string::npos);
-  EXPECT_NE(complaint(" --camera front", 2).find("--calibration"), std::string::npos);
-  EXPECT_NE(complaint(" --background capture", 2).find("--capture"), std::string::npos);
-  EXPECT_NE(complaint(" --background nowhere.png", 2).find("#rrggbb"), std::string::npos);
-  EXPECT_NE(complaint(" --map x.yaml", 2).find("--source-skeleton"), std::string::npos);
+  EXPECT_THAT(complaint(" --camera 77 --capture " + at("prepared"), 2),
+              AllOf(HasSubstr("there is no camera '77'"), HasSubstr("the cameras are 0, 1, 2")));
+  EXPECT_THAT(complaint(" --camera front", 2), AllOf(HasSubstr("--camera front"), HasSubstr("--calibration FILE")));
+  EXPECT_THAT(complaint(" --background capture", 2),
+              AllOf(HasSubstr("--background capture needs"), HasSubstr("--capture PREPARED --camera NAME")));
+  EXPECT_THAT(complaint(" --background nowhere.png", 2), AllOf(HasSubstr("'nowhere.png'"), HasSubstr("#rrggbb")));
+  EXPECT_THAT(complaint(" --map x.yaml", 2), AllOf(HasSubstr("--map is for"), HasSubstr("--source-skeleton")));
   write_atomically(at("bad_map.yaml"), "joints:\n  Root: Root\n  LeftArn: LeftArm\n");
   const std::string map_error = complaint(
       " --map " + at("bad_map.yaml") + " --source-skeleton " + character_file(at("capture/character"), ".skeleton"), 1);
-  EXPECT_NE(map_error.find("bad_map.yaml:3"), std::string::npos) << map_error;
-  EXPECT_NE(map_error.find("LeftArm"), std::string::npos) << map_error;
+  EXPECT_THAT(map_error, AllOf(HasSubstr("bad_map.yaml:3"), HasSubstr("LeftArn"), HasSubstr("LeftArm")));
 }
 
 TEST_F(ProgramRecovers, TheActorAnimates) {
@@ -618,6 +619,7 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   for (const char* method : {"skinning", "egnet", "deltanet"}) EXPECT_TRUE(test[method].contains("AMVIoU")) << method;
   for (const char* method : {"static", "lit", "texnet"}) EXPECT_TRUE(test[method].contains("SSIM")) << method;
   EXPECT_LT(test["lit"]["MSE"].get<double>(), test["static"]["MSE"].get<double>());
+  EXPECT_LT(test["texnet"]["MSE"].get<double>(), test["lit"]["MSE"].get<double>());
 
   step("evaluate --run " + at("run") + " --split test --every 4");
   const Outcome table = run("compare " + at("run") + " " + at("chain"));
@@ -706,6 +708,17 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   ASSERT_EQ(one.code, 0) << one.err;
   const nlohmann::json train = nlohmann::json::parse(one.out)["splits"]["train"];
   EXPECT_TRUE(train["refined"].contains("Hausdorff_mm"));
+  const auto of = [&train](const char* method, const char* name) { return train[method][name].get<double>(); };
+  for (const char* name : {"surface_distance_mm", "seen_distance_mm", "Hausdorff_mm", "vertex_error_mm"})
+    EXPECT_LT(of("refined", name), of("deltanet", name)) << name;
+  EXPECT_GT(of("refined", "AMVIoU"), of("deltanet", "AMVIoU"));
+  // On a frame that was trained on. DeltaNet is not better than EGNet here (19 and 18 mm of vertices, 0.954 and 0.961
+  // of overlap): 60 steps on images of 128 pixels teach it little, and `StageChainRecovers` in tests/train has that
+  // order.
+  for (const char* method : {"egnet", "deltanet"}) {
+    EXPECT_LT(of(method, "vertex_error_mm"), 0.8 * of("skinning", "vertex_error_mm")) << method;
+    EXPECT_GT(of(method, "AMVIoU"), of("skinning", "AMVIoU") + 0.03) << method;
+  }
   EXPECT_TRUE(train["cloud"].contains("noise_mm") || train["cloud"].is_null());
   for (const char* method : {"texnet", "radiance", "nerf"}) EXPECT_GT(train[method]["seconds"].get<double>(), 0.0);
   const std::string drive = "animate --motion " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") +

@@ -9,6 +9,7 @@
 #include "doppel/actor/trained_pose.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/train/metrics.h"
 #include "support/message_of.h"
 #include "support/small_pose_run.h"
 
@@ -94,6 +95,28 @@ TEST_F(Adapt, TunesOnTheWholeClipAndKeepsTheLastStepAsTheThesisDoes) {
   EXPECT_EQ(TrainedPose::load(*folder_ / "whole").steps.at("posenet"), 4);
 }
 
+TEST_F(Adapt, TunesDefNetWithTheWeightsThatAreStated) {
+  const std::string common =
+      "check_every: 2, posenet: {iterations: 0}, defnet: {iterations: 2, learning_rate: 1e-4, batch_size: 2";
+  const auto weighted = [&](const std::string& out, const std::string& weights) {
+    adapt(options(out, "{" + common + weights + "}}"));
+    const std::vector<MetricsRecord> records = read_metrics(*folder_ / out / "defnet/metrics.jsonl");
+    std::map<std::string, double> ratios;
+    for (const auto& term : records.front().terms)
+      if (term.raw > 0.0) ratios[term.name] = term.weighted / term.raw;
+    return ratios;
+  };
+  const auto stated = weighted("stated", ", silhouette: 70, keypoints: 0.5, arap: 900"), studio = weighted("kept", "");
+  EXPECT_NEAR(stated.at("silhouette"), 70.0, 1e-3);
+  EXPECT_NEAR(stated.at("keypoints"), 0.5, 1e-5);
+  EXPECT_NEAR(studio.at("silhouette"), 1000.0, 1e-2) << "that of the studio run";
+  EXPECT_NEAR(studio.at("keypoints"), 0.05, 1e-6);
+  const std::string settings = read_file(*folder_ / "stated/adapt.yaml"),
+                    others = read_file(*folder_ / "kept/adapt.yaml");
+  EXPECT_THAT(settings, AllOf(HasSubstr("silhouette: 70"), HasSubstr("arap: 900")));
+  EXPECT_THAT(others, ::testing::Not(HasSubstr("arap")));
+}
+
 TEST_F(Adapt, RefusesToDrift) {
   const nlohmann::ordered_json report = adapt(options(
       "drifted",
@@ -135,6 +158,9 @@ TEST(AdaptConfigurations, ThatComeAlongAreReadable) {
       AdaptConfig::read(ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/adapt.yaml"));
   EXPECT_EQ(paper.posenet.iterations, AdaptStage().iterations);
   EXPECT_EQ(paper.defnet.learning_rate, AdaptStage().learning_rate);
+  EXPECT_EQ(paper.defnet.silhouette, 1000.0);
+  EXPECT_EQ(paper.defnet.keypoints, 0.05);
+  EXPECT_EQ(paper.defnet.arap, 1500.0);
 }
 
 }  // namespace

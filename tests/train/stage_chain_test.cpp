@@ -10,6 +10,7 @@
 #include "doppel/actor/trained_actor.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/npy.h"
 #include "doppel/core/process.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/losses/images.h"
@@ -278,6 +279,30 @@ TEST_F(StageChainRecovers, TheImagesByGaussiansOnTheStagesOfAnotherRun) {
   EXPECT_LT((drawn.colour - image).abs().mean().item<double>(), (textured.colour - image).abs().mean().item<double>());
 }
 
+TEST_F(StageChainRecovers, DeltaNetIsNearerToTheTrueSurfaceThanEgNet) {
+  const std::string run = (*folder_ / "run").string();
+  const fs::path out = *folder_ / "nearer";
+  ChainOptions options;
+  options.stages = {"deltanet"};
+  train_stages(chain({"egnet={run: " + run + "}", "lighting={run: " + run + "}", "deltanet.train.iterations=60",
+                      "deltanet.train.mean_weights=0", "deltanet.loss={chroma: 0}"}),
+               out, options);
+  TrainedActor actor = TrainedActor::load(out, std::nullopt, "texnet");
+  const Dataset dataset = Dataset::open(prepared_);
+  const NpyArray stored = read_npy(*folder_ / "capture/ground_truth/walk/vertices.npy");
+  const torch::Tensor true_surface = torch::tensor(stored.as<float>()).view(stored.shape);
+  double egnet = 0.0, deltanet = 0.0;
+  for (const SampleId& sample : dataset.samples(Split::train)) {
+    const torch::Tensor window = dataset.dof_window(sample, actor.past_frames()).unsqueeze(0);
+    const auto distance = [&](const torch::Tensor& vertices) {
+      return (vertices[0] - true_surface[sample.frame]).norm(2, 1).mean().item<double>();
+    };
+    egnet += distance(actor.coarse(window));
+    deltanet += distance(actor.fine(window));
+  }
+  EXPECT_LT(deltanet, 0.95 * egnet) << "the true surface is 2 cm thicker than the template, as the masks show";
+}
+
 TEST_F(StageChainRecovers, AnAnchorKeepsVerticesNearEgNetsSurface) {
   const std::string run = (*folder_ / "run").string();
   const auto squared_distance = [&](const std::string& anchor) {
@@ -321,6 +346,20 @@ TEST_F(StageChainRejects, MistakesWithFileAndLine) {
   EXPECT_THAT(message_of([] { chain({"gaussians.model.size=300"}); }), HasSubstr("power of two"));
   EXPECT_THAT(message_of([] { chain({"texnet.model.residual=false"}); }), HasSubstr("residual: true"));
   EXPECT_THAT(message_of([] { chain({"texnet.loss.distance=square"}); }), HasSubstr("squares"));
+  for (const std::string stage : {"egnet", "deltanet"}) {
+    const std::string outline = stage + ".loss.boundary=outline";
+    EXPECT_THAT(message_of([&] {
+                  chain({outline, stage + ".loss.visible_only=true"});
+                }),
+                AllOf(HasSubstr("visible_only"), HasSubstr("set boundary: vertices")));
+    EXPECT_THAT(message_of([&] {
+                  chain({outline, stage + ".loss.unit=image_pixels"});
+                }),
+                AllOf(HasSubstr("unit"), HasSubstr("leave the key out")));
+    EXPECT_NO_THROW(chain({outline, stage + ".loss.unit=crop_pixels", stage + ".loss.visible_only=false"})) << stage;
+    EXPECT_THAT(message_of([&] { chain({stage + ".model.network=fully_connected"}); }),
+                AllOf(HasSubstr("model.features"), HasSubstr("does not read this key")));
+  }
   EXPECT_THAT(message_of([] { stage_entry("deltnet"); }), HasSubstr("did you mean deltanet?"));
 }
 

@@ -172,7 +172,8 @@ RayInterval guided_interval(const GuideImages& guide, int64_t view, const Tensor
   return interval;
 }
 
-Tensor draw_pixels(const GuideImages& guide, int64_t view, const Tensor& mask, int64_t count, at::Generator generator) {
+Tensor draw_pixels(const GuideImages& guide, int64_t view, const Tensor& mask, int64_t count, double in_mask,
+                   at::Generator generator) {
   const Tensor reached = guide.reached[view];
   if (mask.sizes() != reached.sizes())
     fail<UsageError>("draw_pixels: the mask is {}, the view {}", describe(mask), describe(reached));
@@ -184,8 +185,9 @@ Tensor draw_pixels(const GuideImages& guide, int64_t view, const Tensor& mask, i
   const auto pick = [&](const Tensor& from, int64_t how_many) {
     return from.index_select(0, torch::randint(0, from.size(0), {how_many}, generator, torch::kInt64));
   };
-  const Tensor first = pick(inside, count / 2);
-  return torch::cat({first, pick(anywhere, count - count / 2)});
+  const auto first = static_cast<int64_t>(in_mask * static_cast<double>(count));
+  const Tensor shown = pick(inside, first);
+  return torch::cat({shown, pick(anywhere, count - first)});
 }
 
 }  // namespace doppel

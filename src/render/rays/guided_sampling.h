@@ -60,11 +60,13 @@ RayInterval guided_interval(const GuideImages& guide, int64_t view, const torch:
                             const torch::Tensor& faces, const torch::Tensor& vertices, const torch::Tensor& projection,
                             const GuideOptions& options = {});
 
-/// Random pixels of a view for training, with repetition: half are drawn from the reached pixels, half from the reached
-/// pixels inside the mask (all from the reached pixels if the mask contains none).
-/// @param mask [H,W], foreground above 0.5 @return int64 [count,2] column, row
+/// Random pixels of a view for training, with repetition. A share is drawn from the reached pixels inside the mask (or
+/// from all reached pixels if the mask contains none), the others from all reached pixels. A share of 0 is the sampling
+/// of the thesis (A.3), which draws from the whole view and discards pixels that are not reached.
+/// @param mask [H,W], foreground above 0.5 @param in_mask the share, 0..1, rounded down to a number of pixels
+/// @return int64 [count,2] column, row
 /// @throws Error when the mesh is out of view
 torch::Tensor draw_pixels(const GuideImages& guide, int64_t view, const torch::Tensor& mask, int64_t count,
-                          at::Generator generator);
+                          double in_mask, at::Generator generator);
 
 }  // namespace doppel

@@ -6,6 +6,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
+#include "doppel/track/deepcap/smoothed_surfaces.h"
 #include "doppel/track/energy/root_rotation.h"
 #include "doppel/track/fit/pose_sequence.h"
 #include "doppel/track/frame_file.h"
@@ -38,7 +39,7 @@ class DeepcapRun {
     SequenceRunner runner(footage_, *tracker_, {});
     runner.on_frame([this](long, const FootageFrame&, const FrameResult& found) { graphs_.push_back(found.graph); });
     result_ = runner.run(sequence_, progress);
-    make_motion(result_, RootRotation::of(footage_.character().skeleton), options_.smoothing);
+    make_motion(result_, RootRotation::of(footage_.character().skeleton), pose_smoothing());
     smooth_graphs();
     write_poses(footage_.character(), footage_.capture().fps, options_.out, result_);
     const fs::path stem = options_.out / sequence_.name;
@@ -48,12 +49,15 @@ class DeepcapRun {
   }
 
  private:
+  /// Sigma for poses and graphs.
+  double pose_smoothing() const { return options_.smoothed == DeepcapSmoothing::poses ? options_.smoothing : 0.0; }
+
   void smooth_graphs() {
     std::vector<bool> found;
     for (const TrackedFrame& frame : result_.frames) found.push_back(frame.found());
     const std::vector<long> cuts = sequence_.cuts_from_first();
     bridge_poses(graphs_, found, cuts, std::nullopt);
-    smooth_poses(graphs_, cuts, std::nullopt, options_.smoothing);
+    smooth_poses(graphs_, cuts, std::nullopt, pose_smoothing());
   }
 
   bool has_graph() const {
@@ -75,9 +79,13 @@ class DeepcapRun {
     if (options_.film)
       film.emplace(stem.string() + ".mp4", footage_.cameras().front(), mesh, footage_.capture().fps, options_.view);
     const auto reader = options_.film ? footage_.read(sequence_.index) : nullptr;
-    for (long frame = sequence_.first_frame; frame <= sequence_.last_frame; ++frame) {
+    const long first = sequence_.first_frame;
+    SmoothedSurfaces smoothed([&](long f) { return surfaces_.surface(result_.motion.frames[first + f], graphs_[f]); },
+                              static_cast<long>(graphs_.size()), sequence_.cuts_from_first(),
+                              options_.smoothed == DeepcapSmoothing::vertices ? options_.smoothing : 0.0);
+    for (long frame = first; frame <= sequence_.last_frame; ++frame) {
       check_not_stopped(sequence_, frame);
-      const Tensor surface = surfaces_.surface(result_.motion.frames[frame], graphs_[frame - sequence_.first_frame]);
+      const Tensor surface = smoothed.at(frame - first);
       if (vertices) vertices->append(std::span<const float>(surface.data_ptr<float>(), as_size(surface.numel())));
       if (film) film->add(reader->image(frame, 0), surface);
       progress.advance(1, sequence_.name);

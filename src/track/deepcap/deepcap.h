@@ -11,11 +11,16 @@
 
 namespace doppel {
 
+/// What is smoothed over time: poses and deformations, or the vertices of the surface, as in the thesis (5.8).
+enum class DeepcapSmoothing { poses, vertices };
+
 struct DeepcapOptions : TrackTask {
   std::filesystem::path run;  ///< of the stage posenet, or of the chain deepcap
-  double smoothing = 1.0;     ///< sigma of the Gaussian over five frames; 0: none (5.8)
-  bool film = true;           ///< `<sequence>.mp4`
-  TrackViewOptions view;      ///< how the film is drawn
+  double smoothing = 1.0;     ///< sigma of the Gaussian, frames; 1: over five frames (5.8), 0: none
+  /// With `vertices`, the motion and the graph are those of the networks, and film and vertices are `SmoothedSurfaces`.
+  DeepcapSmoothing smoothed = DeepcapSmoothing::poses;
+  bool film = true;       ///< `<sequence>.mp4`
+  TrackViewOptions view;  ///< how the film is drawn
 };
 
 /// Tracks sequences of one camera and writes into `options.out`:
@@ -24,7 +29,8 @@ struct DeepcapOptions : TrackTask {
 ///   `<sequence>_vertices.npy` float32 [frames, N, 3], world metres
 /// - `<sequence>.mp4`: the surface over the images, and from the side
 /// - `capture.yaml`, `track.json`: as `track_capture`
-/// Poses and deformations are smoothed over five frames. Lost frames are reported, and bridged from their neighbours.
+/// Poses and deformations, or the surfaces, are smoothed over five frames. Lost frames are reported, and bridged from
+/// their neighbours.
 /// @param footage of one camera
 /// @throws UsageError for several cameras; Error when all frames of a sequence are lost, or the run was trained for
 /// another character

@@ -33,6 +33,7 @@ constexpr std::size_t kMinLandmarks = 4;
 void check(const LivecapOptions& options) {
   check_fit(options);
   check_not_negative("joint weight", options.joint_weight);
+  check_not_negative("smallest confidence of a keypoint", options.min_confidence);
   if (options.keypoint_weight == 0.0 && options.joint_weight == 0.0)
     fail("the keypoint weight and the joint weight of the fit are both 0; without either, nothing can be tracked");
 }
@@ -208,7 +209,8 @@ Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>*
   const LivecapOptions& o = options_;
   if (keypoint_weight > 0.0)
     result.push_back(std::make_unique<KeypointTerm<PoseModel>>(
-        cameras_, evidence.frame, keypoint_weight, RobustKernel::geman_mcclure_of(o.keypoint_scale), roles_.detection));
+        cameras_, evidence.frame, keypoint_weight, RobustKernel::geman_mcclure_of(o.keypoint_scale), roles_.detection,
+        KeypointConfidence{!o.ignore_confidence, o.min_confidence}));
   std::vector<PointTerm::Target> joints;
   for (std::size_t m = 0; m < evidence.joints.size(); ++m)
     if (evidence.joints[m]) joints.push_back({static_cast<int>(m), *evidence.joints[m], 1.0});
@@ -263,6 +265,7 @@ std::unique_ptr<PoseTerm> LivecapTracker::silhouette_term(const Evidence& eviden
   const PosedSurface surface = pose_surface(model_, model_.pose(dofs, false), rest_vertices_);
   std::vector<OutlineVertex> outline = viewer_.look(surface, evidence.frame.front().outline.box(), 0.0).outline;
   if (options_.remove_depth) set_depth_aside(surface, outline);
+  if (!options_.own_distance) drop_own_distances(outline);
   thin_out(outline, 0, options_.outline_vertices);
   // The thesis's weight is that of one vertex; the vertices of the term share its weight.
   const double weight = options_.silhouette_weight * static_cast<double>(outline.size());

@@ -35,6 +35,11 @@ struct LivecapOptions : PoseFitOptions {
   bool remove_depth = false;
   /// The mean distance between the outlines of template and mask is free (`LevelTerm`). Not in the thesis.
   bool level_silhouette = true;
+  /// Subtract from the silhouette residual of a vertex its own distance to the outline of the drawn surface. false: the
+  /// residual is I_DT(pi(V_i)) alone, as in 4.5.
+  bool own_distance = true;
+  bool ignore_confidence = false;           ///< keypoints of E_2D (4.3) count equally; false: by their confidence
+  double min_confidence = kSeenConfidence;  ///< keypoints with a lower one do not count in E_2D
   double joint_weight = per_squared_millimetre(3.0);  ///< lambda_3D, per squared metre; 0: no 3D joints
   MotionOptions motion;
   /// [F][D] Poses that the person usually takes, for example those of the studio; empty: none are known. Their mean

@@ -32,6 +32,9 @@ void describe_outline(const Keys& keys, NonrigidOptions& surface) {
        per_squared_thesis_pixel);
   keys("scale", surface.silhouette_scale, between(0.0, 1e6),
        "scale of the Geman-McClure kernel, pixels of an image 540 wide; 0: squared distances", thesis_pixels);
+  keys("own_distance", surface.own_distance,
+       "subtract from a vertex's distance to the outline of the mask its distance to that of the drawn surface; false: "
+       "the first alone, as in 4.10 and 4.6.6");
   keys("parts", surface.part_mask, "ignore vertices that project onto another body part");
   keys("growth", surface.part_growth, between(0.0, 1000.0),
        "by which the masks of body parts are grown, pixels of an image 540 wide", thesis_pixels);
@@ -70,9 +73,16 @@ void describe_surface(const Keys& keys, LivecapOptions& fit) {
 void describe_pose(const Keys& keys, LivecapOptions& fit) {
   describe_pose_fit(keys, fit, kThesisUnits);
   keys("keypoints.faces", fit.faces, "false: keypoints of the face do not count");
+  keys("keypoints.confidence", fit.ignore_confidence, {"weigh", "ignore"},
+       "keypoints count by their confidence, or equally, as in 4.3");
+  keys("keypoints.min_confidence", fit.min_confidence, between(0.0, 1.0),
+       "keypoints with a lower confidence do not count in the fit; 0: all that were detected, as in 4.3");
   keys("silhouette.remove_depth", fit.remove_depth,
        "fit the pose with displacements that do not move the outline towards the camera or away from it");
   keys("silhouette.level", fit.level_silhouette, "the mean distance between the outlines of template and mask is free");
+  keys("silhouette.own_distance", fit.own_distance,
+       "subtract from a vertex's distance to the outline of the mask its distance to that of the drawn surface; false: "
+       "the first alone, as in 4.5");
   keys("joints.weight", fit.joint_weight, kWeights, "landmarks to 3D joints, per squared millimetre",
        per_squared_millimetre);
   keys("motion.turn", fit.motion.turn_weight, kWeights,

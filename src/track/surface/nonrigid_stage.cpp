@@ -186,6 +186,7 @@ struct NonrigidStage::State {
     const CropBox& box = outline.box();
     energy.view = viewer.look(start, box, o.part_growth / reference_pixels(camera));
     if (!o.part_mask) energy.view.parts = PartMask();
+    if (!o.own_distance) drop_own_distances(energy.view.outline);
     energy.add<OutlineTerm>(o.silhouette_weight, evidence(energy, start, outline), energy.view.outline,
                             o.silhouette_weight, o.silhouette_scale);
     if (o.photometric_weight == 0.0 || image.empty() || colours.cols() == 0) return;

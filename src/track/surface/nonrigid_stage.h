@@ -30,6 +30,9 @@ struct NonrigidOptions {
   bool match_exposure = true;  ///< scale the template's colours to the image's brightness first
   double silhouette_weight = per_squared_thesis_pixel(600.0);  ///< per squared pixel, each outline vertex
   double silhouette_scale = thesis_pixels(15.0);               ///< of the Geman-McClure kernel, pixels; 0: no kernel
+  /// Subtract from the silhouette residual of a vertex its own distance to the outline of the drawn surface, and snap
+  /// it to this distance. false: the residual is I_DT(pi(V_i)) alone (4.10), and vertices are snapped onto the outline.
+  bool own_distance = true;
   bool part_mask = true;                     ///< outlines attract only vertices of their own part of the body
   double part_growth = thesis_pixels(10.0);  ///< pixels by which the parts are grown
   double smoothness_weight = per_squared_millimetre(10.0);  ///< per squared metre

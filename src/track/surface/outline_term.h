@@ -11,9 +11,9 @@
 namespace doppel {
 
 /// Pulls the outline of the surface to the outline of the mask (4.10): the residual of an outline vertex is the
-/// distance of its projection from the mask's outline, in reference pixels (image 1024 wide). As in `SilhouetteTerm`, a
-/// vertex that faces away from the nearest outline is pulled to the opposite one (b = -1). A vertex projected onto
-/// another part of the body has no residual (b = 0).
+/// distance of its projection from the mask's outline less `OutlineVertex::distance`, in reference pixels (image 1024
+/// wide). As in `SilhouetteTerm`, a vertex that faces away from the nearest outline is pulled to the opposite one (b =
+/// -1). A vertex projected onto another part of the body has no residual (b = 0).
 class OutlineTerm : public SurfaceTerm {
  public:
   struct Evidence {

@@ -764,10 +764,24 @@ TEST(Captury, TheWidthOfTheSensorCountsForBothAxes) {
   EXPECT_EQ(camera.height, 900);
   EXPECT_THAT(std::vector<double>(camera.distortion.begin(), camera.distortion.begin() + 5),
               ::testing::ElementsAre(-0.1, 0.02, 0.001, -0.002, 0.003));
-  // 0.4 to the right and 0.6 up at depth 2
+  // 0.4 to the right and 0.6 up at depth 2: 0.2 and 0.3 focal lengths of 2000 and 2020 pixels from (808, 484).
   const Eigen::Vector2d pixel = without_distortion(camera).project({1.4, 2.6, 1.0});
-  EXPECT_NEAR(pixel.x(), camera.K(0, 2) + 0.2 * camera.K(0, 0), 1e-9);
-  EXPECT_NEAR(pixel.y(), camera.K(1, 2) - 0.3 * camera.K(1, 1), 1e-9);
+  EXPECT_NEAR(pixel.x(), 808.0 + 0.2 * 2000.0, 1e-9);
+  EXPECT_NEAR(pixel.y(), 484.0 - 0.3 * 2020.0, 1e-9);
+  // Neither the height of the images nor that of the sensor changes a focal length; the latter moves the centre.
+  EXPECT_NEAR(with_image_size(found.cameras[0], 1600, 1200).K(1, 1), 2020.0, 1e-9);
+  const Calibration high = read_text(make_captury_calibration, replaced(kCaptury, "4.8\t3.0\t#", "4.8\t3.6\t#"));
+  EXPECT_NEAR(with_image_size(high.cameras[0], 1600, 900).K(1, 1), 2020.0, 1e-9);
+  EXPECT_NEAR(with_image_size(high.cameras[0], 1600, 900).K(1, 2), 484.0 + 100.0, 1e-9);
+  // Its width changes both.
+  const Calibration wide = read_text(make_captury_calibration, replaced(kCaptury, "4.8\t3.0\t#", "9.6\t3.0\t#"));
+  EXPECT_NEAR(with_image_size(wide.cameras[0], 1600, 900).K(0, 0), 1000.0, 1e-9);
+  EXPECT_NEAR(with_image_size(wide.cameras[0], 1600, 900).K(1, 1), 1010.0, 1e-9);
+  // The second camera looks along -y, with up along -z: 0.5 to the right and 0.25 towards -z at depth 1.
+  const Camera second = with_image_size(found.cameras[1], 800, 500);
+  const Eigen::Vector2d other = without_distortion(second).project({0.5, -1.0, -0.25});
+  EXPECT_NEAR(other.x(), 400.0 + 0.5 * 1000.0, 1e-9);
+  EXPECT_NEAR(other.y(), 250.0 - 0.25 * 1000.0, 1e-9);
 }
 
 TEST(Captury, OtherLensesMovingCamerasAndMissingKeysAreRefused) {

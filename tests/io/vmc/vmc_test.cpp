@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <map>
 #include <set>
@@ -167,10 +168,12 @@ TEST(VmcSenderAgrees, PacketsDecodeToThePose) {
         osc::ReceivedPacket(packet.data(), static_cast<osc::osc_bundle_element_size_t>(packet.size())));
     const std::vector<VmcBone> expected = avatar.bones(dofs);
     std::size_t bone = 0;
+    std::map<std::string, int> messages;
     for (auto element = bundle.ElementsBegin(); element != bundle.ElementsEnd(); ++element) {
       const osc::ReceivedMessage message(*element);
       const std::string address = message.AddressPattern();
       auto argument = message.ArgumentsBegin();
+      ++messages[address];
       if (address == "/VMC/Ext/OK") {
         EXPECT_EQ((argument++)->AsInt32(), 1);
         ++argument;
@@ -178,6 +181,10 @@ TEST(VmcSenderAgrees, PacketsDecodeToThePose) {
         EXPECT_EQ(argument->AsInt32(), frame != 5 ? 1 : 0);
       } else if (address == "/VMC/Ext/T") {
         EXPECT_FLOAT_EQ(argument->AsFloat(), static_cast<float>(frame / 30.0));
+      } else if (address == "/VMC/Ext/Root/Pos") {
+        EXPECT_STREQ((argument++)->AsString(), "root");
+        for (const float value : {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 1.0f})
+          EXPECT_EQ((argument++)->AsFloat(), value) << "the pose of the person is that of the hips";
       } else if (address == "/VMC/Ext/Bone/Pos") {
         ASSERT_LT(bone, expected.size());
         const VmcBone& wanted = expected[bone++];
@@ -188,6 +195,10 @@ TEST(VmcSenderAgrees, PacketsDecodeToThePose) {
       }
     }
     EXPECT_EQ(bone, expected.size());
+    EXPECT_EQ(messages, (std::map<std::string, int>{{"/VMC/Ext/OK", 1},
+                                                    {"/VMC/Ext/T", 1},
+                                                    {"/VMC/Ext/Root/Pos", 1},
+                                                    {"/VMC/Ext/Bone/Pos", static_cast<int>(expected.size())}}));
   }
 }
 
@@ -195,7 +206,9 @@ TEST(VmcSenderBehaves, NobodyNeedsToListen) {
   std::string address;
   { address = Receiver().address(); }
   VmcSender sender(address, person());
-  for (int i = 0; i < 5; ++i) sender.send(person().rest_dofs, i, true);
+  const auto start = std::chrono::steady_clock::now();
+  for (int i = 0; i < 5; ++i) EXPECT_NO_THROW(sender.send(person().rest_dofs, i, true)) << i;
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2)) << "it waits for nobody";
 }
 
 TEST(VmcSenderErrors, AddressesThatAreNone) {

@@ -162,27 +162,33 @@ TEST(GuideImages, OutOfViewNothingIsReached) {
   const RayInterval interval = guided_interval(guide, 0, all_pixels(), scene.faces, scene.vertices, scene.projection);
   EXPECT_EQ(interval.far.abs().max().item<double>(), 0.0);
   EXPECT_THAT(message_of<Error>([&] {
-                draw_pixels(guide, 0, torch::ones({kHeight, kWidth}), 10, at::detail::createCPUGenerator(1));
+                draw_pixels(guide, 0, torch::ones({kHeight, kWidth}), 10, 0.5, at::detail::createCPUGenerator(1));
               }),
               testing::HasSubstr("not seen in view 0"));
 }
 
-TEST(DrawPixels, HalfOfThemInTheMask) {
+TEST(DrawPixels, AShareOfThemInTheMask) {
   const Scene scene;
   const GuideImages guide = scene.guide();
   Tensor mask = torch::zeros({kHeight, kWidth});
   mask.slice(1, 0, 26).fill_(1);  // the left half
-  const auto draw = [&](uint64_t seed) {
-    return draw_pixels(guide, 0, mask, 1001, at::detail::createCPUGenerator(seed));
-  };
-  const Tensor pixels = draw(1), position = pixels.select(1, 1) * kWidth + pixels.select(1, 0);
-  EXPECT_EQ(pixels.size(0), 1001);
-  EXPECT_TRUE(guide.reached.flatten().index_select(0, position).all().item<bool>());
-  const double within = mask.flatten().index_select(0, position).mean().item<double>();
+  mask.slice(0, 0, 16).fill_(0);  // without its top: the mask is less than half of the drawing
   const double of_reached = mask.masked_select(guide.reached[0]).mean().item<double>();
-  EXPECT_NEAR(within, 0.5 + 0.5 * of_reached, 0.05);
-  EXPECT_TRUE(torch::equal(pixels, draw(1)));
-  EXPECT_EQ(draw_pixels(guide, 0, torch::zeros({kHeight, kWidth}), 8, at::detail::createCPUGenerator(1)).size(0), 8);
+  ASSERT_GT(of_reached, 0.1);
+  ASSERT_LT(of_reached, 0.5);
+  for (const double share : {0.0, 0.5, 1.0}) {
+    const auto draw = [&](uint64_t seed) {
+      return draw_pixels(guide, 0, mask, 2001, share, at::detail::createCPUGenerator(seed));
+    };
+    const Tensor pixels = draw(1), position = pixels.select(1, 1) * kWidth + pixels.select(1, 0);
+    EXPECT_EQ(pixels.size(0), 2001);
+    EXPECT_TRUE(guide.reached.flatten().index_select(0, position).all().item<bool>());
+    const double within = mask.flatten().index_select(0, position).mean().item<double>();
+    EXPECT_NEAR(within, share + (1.0 - share) * of_reached, 0.04) << share;
+    EXPECT_TRUE(torch::equal(pixels, draw(1)));
+    const Tensor nobody = torch::zeros({kHeight, kWidth});
+    EXPECT_EQ(draw_pixels(guide, 0, nobody, 8, share, at::detail::createCPUGenerator(1)).size(0), 8);
+  }
 }
 
 TEST(GuidedInterval, RejectsPixelsOutside) {

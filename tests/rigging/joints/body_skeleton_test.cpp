@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 
+#include <set>
+
 #include "doppel/core/error.h"
 #include "doppel/detect/keypoints/keypoint_map.h"
 #include "doppel/detect/keypoints/landmark_key.h"
@@ -105,9 +107,22 @@ INSTANTIATE_TEST_SUITE_P(Stances, RestPoses,
                                            Stance{0.8, 1.2, 2.5}, Stance{1.1, 0.6, -1.2}));
 
 TEST(BodySkeleton, BonesOfHeatAreBonesOfTheSkeleton) {
-  const BodySkeleton body = make_body_skeleton(support::plain_body());
-  for (const HeatBone& bone : heat_bones(support::plain_body()))
-    EXPECT_NO_THROW(body.skeleton.joint_of_bone(bone.name, BoneRule::exact)) << bone.name;
+  BodyJoints joints = support::plain_body();
+  complete_joints(joints);
+  const BodySkeleton body = make_body_skeleton(joints);
+  const std::vector<Eigen::Affine3d> pose = body.skeleton.pose(body.rest_dofs);
+  std::set<std::string> names;
+  for (const HeatBone& bone : heat_bones(support::plain_body())) {
+    EXPECT_TRUE(names.insert(bone.name).second) << bone.name;
+    const int joint = body.skeleton.joint_of_bone(bone.name, BoneRule::exact);
+    ASSERT_FALSE(bone.segments.empty()) << bone.name;
+    EXPECT_LT((bone.segments[0][0] - pose[joint].translation()).norm(), 1e-9) << bone.name << " starts at its joint";
+  }
+  // All bones of the skeleton give heat, except those of fingers.
+  for (const auto& [joint, name] : kJoints) EXPECT_TRUE(names.count(joint.substr(0, joint.find('_')))) << joint;
+  for (const auto& [joint, name] : kSided)
+    for (const std::string side : {"Left", "Right"})
+      EXPECT_TRUE(names.count(side + joint.substr(0, joint.find('_')))) << side << joint;
 }
 
 TEST(BodySkeleton, ABoneNeedsALength) {

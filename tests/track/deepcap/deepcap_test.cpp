@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <map>
 #include <opencv2/videoio.hpp>
 
 #include "doppel/character/landmarks.h"
@@ -10,6 +12,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/track/deepcap/deepcap_tracker.h"
+#include "doppel/track/deepcap/smoothed_surfaces.h"
 #include "doppel/track/track_film.h"
 #include "support/message_of.h"
 #include "support/small_pose_run.h"
@@ -74,6 +77,53 @@ TEST_F(Deepcap, WritesMotionsSurfacesAndAFilmAndBridgesWhatNobodySaw) {
   const Capture capture = read_capture(*folder_ / "tracked");
   EXPECT_EQ(fs::weakly_canonical(capture.resolve(capture.sequences.back().motion)),
             fs::weakly_canonical(*folder_ / "tracked/testing.motion"));
+}
+
+TEST_F(Deepcap, SmoothsTheVerticesAsTheThesisDoes) {
+  const auto track = [](const std::string& out, DeepcapSmoothing smoothed, double sigma) {
+    DeepcapOptions wanted = options(out);
+    wanted.vertices = true;
+    wanted.film = false;
+    wanted.smoothed = smoothed;
+    wanted.smoothing = sigma;
+    track_deepcap(*footage(), wanted);
+    const NpyArray array = read_npy(*folder_ / out / "testing_vertices.npy");
+    return torch::tensor(array.as<float>()).view(array.shape).to(torch::kFloat64);
+  };
+  const torch::Tensor raw = track("raw", DeepcapSmoothing::poses, 0.0),
+                      smooth = track("smooth", DeepcapSmoothing::vertices, 1.0);
+  EXPECT_EQ(read_file(*folder_ / "raw/testing.motion"), read_file(*folder_ / "smooth/testing.motion"))
+      << "the poses stay those of the networks";
+  EXPECT_EQ(read_file(*folder_ / "raw/testing_graph.npy"), read_file(*folder_ / "smooth/testing_graph.npy"));
+  const double near = std::exp(-0.5), far = std::exp(-2.0);  // of the five frames, the four that there are
+  const std::vector<std::vector<double>> kernel{
+      {1.0, near, far, 0.0}, {near, 1.0, near, far}, {far, near, 1.0, near}, {0.0, far, near, 1.0}};
+  for (int frame = 0; frame < 4; ++frame) {
+    const torch::Tensor weights = torch::tensor(kernel[static_cast<std::size_t>(frame)], torch::kFloat64);
+    const torch::Tensor expected = (weights.view({4, 1, 1}) * raw).sum(0) / weights.sum();
+    EXPECT_LT((smooth[frame] - expected).abs().max().item<double>(), 1e-6) << frame;
+  }
+}
+
+TEST(SmoothedSurfaces, DoNotCrossACutAndComputeEachSurfaceOnce) {
+  std::map<long, int> made;
+  const auto surface = [&](long frame) {
+    ++made[frame];
+    return torch::full({2, 3}, static_cast<float>(frame));
+  };
+  SmoothedSurfaces surfaces(surface, 6, {0, 3}, 1.0);
+  const double near = std::exp(-0.5), far = std::exp(-2.0);
+  const auto value = [&](long frame) { return surfaces.at(frame)[1][2].item<float>(); };
+  EXPECT_NEAR(value(0), (near * 1.0 + far * 2.0) / (1.0 + near + far), 1e-6);
+  EXPECT_NEAR(value(1), 1.0, 1e-6);
+  EXPECT_NEAR(value(2), (2.0 + near * 1.0) / (1.0 + near + far), 1e-6) << "frame 3 begins a segment";
+  EXPECT_NEAR(value(3), (3.0 + near * 4.0 + far * 5.0) / (1.0 + near + far), 1e-6);
+  value(4);
+  value(5);
+  for (const auto& [frame, count] : made) EXPECT_EQ(count, 1) << frame;
+  EXPECT_EQ(made.size(), 6u);
+  SmoothedSurfaces as_they_are(surface, 6, {}, 0.0);
+  EXPECT_EQ(as_they_are.at(2)[0][0].item<float>(), 2.0f);
 }
 
 TEST_F(Deepcap, SeesInFilesWhatItSawInThePreparedCapture) {

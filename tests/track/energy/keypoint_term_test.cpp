@@ -51,6 +51,29 @@ TEST_F(KeypointTermTest, LeavesOutWhatTheDetectorDoubts) {
   EXPECT_EQ(rows_at(character_.rest_dofs).num_rows(), 2 * (3 * model_.num_landmarks() - 2));
 }
 
+TEST_F(KeypointTermTest, CountsAllDetectionsAlikeAsTheThesisDoes) {
+  frame_[0].keypoints[0].confidence = 0.05f;
+  frame_[0].keypoints[1].confidence = 0.0f;
+  frame_[0].keypoints[2].x += 2.0f;
+  const PosedBody body = model_.pose(character_.rest_dofs, true);
+  const std::vector<double> lambda(model_.num_landmarks(), 0.326);
+  const auto rows_with = [&](const KeypointConfidence& confidence) {
+    Residuals rows;
+    KeypointTerm<PoseModel>(cameras_, frame_, 460.0, {}, lambda, confidence).evaluate(model_, body, true, rows);
+    return rows;
+  };
+  const Residuals all = rows_with({false, 0.0});
+  ASSERT_EQ(all.num_rows(), 2 * (3 * model_.num_landmarks() - 1)) << "only what was not detected is missing";
+  for (Eigen::Index group = 0; group < all.num_rows() / 2; ++group)
+    EXPECT_NEAR(all.weight(group), 460.0 * 0.326, 1e-9) << group;
+  EXPECT_NEAR(all.value(2), 4.0 * -2.0, 1e-3) << "the third keypoint is in the second group";
+  const Residuals sure = rows_with({false, 0.1});
+  EXPECT_EQ(sure.num_rows(), all.num_rows() - 2);
+  const Residuals weighed = rows_with({true, 0.0});
+  EXPECT_NEAR(weighed.weight(0), 460.0 * 0.326 * 0.05, 1e-6);
+  EXPECT_NEAR(weighed.weight(1), 460.0 * 0.326 * 0.9, 1e-4);
+}
+
 TEST_F(KeypointTermTest, AHandCountsAsThreePoints) {
   double hand = 0.0;
   for (const char* name : kHandPointNames) {

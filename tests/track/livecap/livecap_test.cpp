@@ -270,6 +270,39 @@ TEST(Livecap, TermsOfWeightZeroAreOff) {
   EXPECT_TRUE(found.surface_terms.empty());
 }
 
+/// The silhouette term is that of 4.5 without own distances: the sum of [I_DT(pi(V_i))]^2 over the outline vertices.
+TEST(Livecap, TheSilhouetteCountsOwnDistancesOrNot) {
+  const Scene scene;
+  const LivecapInput seen = scene.see(scene.ground_truth(0));
+  for (const bool own_distance : {true, false}) {
+    LivecapOptions options;
+    options.own_distance = own_distance;
+    options.level_silhouette = options.surface = false;
+    options.silhouette_scale = options.keypoint_scale = 0.0;
+    options.silhouette_weight = 1e-9;  // the other terms decide the pose
+    options.outline_vertices = 100000;
+    options.prior_weight = options.limit_weight = options.floor_weight = options.motion.turn_weight = 0.0;
+    LivecapTracker tracker = scene.tracker(options);
+    FrameResult found;
+    for (int frame = 0; frame < 4; ++frame) found = tracker.track(seen);
+    const PosedSurface surface = scene.surface(found.pose.dofs);
+    SurfaceViewer viewer(scene.character, scene.camera, kWindow);
+    double expected = 0.0, other = 0.0;
+    for (const OutlineVertex& vertex : viewer.look(surface, seen.view.outline.box(), 0.0).outline) {
+      const Eigen::Vector2d pixel = scene.camera.project(surface.vertices.col(vertex.vertex));
+      const double distance = reference_pixels(scene.camera) * seen.view.outline.at(pixel).distance;
+      const double relative = std::pow(distance - vertex.distance, 2), alone = std::pow(distance, 2);
+      expected += own_distance ? relative : alone;
+      other += own_distance ? alone : relative;
+    }
+    ASSERT_GT(std::abs(expected - other), 0.5 * expected) << "the two can be told apart";
+    double cost = -1.0;
+    for (const TermCost& term : found.pose.terms)
+      if (term.name == "silhouette") cost = term.cost;
+    EXPECT_NEAR(cost / options.silhouette_weight, expected, 0.1 * expected) << own_distance;
+  }
+}
+
 TEST(Livecap, SaysWhatItNeeds) {
   const Scene scene;
   LivecapOptions options;

@@ -93,6 +93,31 @@ TEST(NonrigidStage, FindsABulgeFromTheOutline) {
   for (const TermCost& term : found.terms) EXPECT_TRUE(std::isfinite(term.cost)) << term.name;
 }
 
+TEST(NonrigidStage, WithoutOwnDistancesVerticesAreSnappedOntoTheOutlineOfTheMask) {
+  const Bulge bulge;
+  const auto mean_distance = [&](bool own_distance) {  // from the outline of the mask, pixels
+    NonrigidOptions options = all_cloth();
+    options.own_distance = own_distance;
+    options.max_isolated_motion = 0.0;
+    options.snapping.first_share = 1.0;
+    NonrigidStage stage(bulge.character, bulge.camera, options);
+    NonrigidSurface found;
+    for (int frame = 0; frame < 4; ++frame) found = stage.fit(bulge.posed, bulge.outline, bulge.image);
+    double sum = 0.0;
+    int count = 0;
+    for (Eigen::Index i = 0; i < found.vertices.cols(); ++i) {
+      const Vector3d to_camera = (bulge.camera.centre() - found.vertices.col(i)).normalized();
+      if (std::abs(to_camera.dot(bulge.posed.normals[i])) > 0.1) continue;
+      sum += std::abs(bulge.outline.at(bulge.camera.project(found.vertices.col(i))).distance);
+      ++count;
+    }
+    EXPECT_GT(count, 20);
+    return sum / count;
+  };
+  const double relative = mean_distance(true), printed = mean_distance(false);
+  EXPECT_LT(printed, 0.5 * relative) << relative << " and " << printed << " pixels";
+}
+
 TEST(NonrigidStage, WarpedDisplacementsStartAhead) {
   const Bulge bulge;
   NonrigidOptions options = all_cloth();

@@ -4,12 +4,14 @@ namespace doppel {
 
 template <typename Model>
 KeypointTerm<Model>::KeypointTerm(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame, double weight,
-                                  const RobustKernel& kernel, std::vector<double> landmark_weights)
+                                  const RobustKernel& kernel, std::vector<double> landmark_weights,
+                                  const KeypointConfidence& confidence)
     : cameras_(cameras),
       frame_(frame),
       weight_(weight),
       kernel_(kernel),
-      landmark_weights_(std::move(landmark_weights)) {}
+      landmark_weights_(std::move(landmark_weights)),
+      confidence_(confidence) {}
 
 template <typename Model>
 void KeypointTerm<Model>::evaluate(const Model& model, const typename Model::State& body, bool jacobian,
@@ -19,9 +21,9 @@ void KeypointTerm<Model>::evaluate(const Model& model, const typename Model::Sta
     const double scale = reference_pixels(cameras_[c]);
     for (int m = 0; m < model.num_landmarks(); ++m) {
       const Keypoint& keypoint = frame_[c].keypoints[m];
-      if (!(keypoint.confidence >= kSeenConfidence)) continue;
+      if (!confidence_.counts(keypoint.confidence)) continue;
       const double share = model.landmark_weight(m) * (landmark_weights_.empty() ? 1.0 : landmark_weights_[m]);
-      const Eigen::Index first = rows.add_group(weight_ * share * keypoint.confidence);
+      const Eigen::Index first = rows.add_group(weight_ * share * confidence_.weight(keypoint.confidence));
       const auto projected = project_with_jacobian(cameras_[c], model.landmark(body, m));
       if (!projected) {
         rows.value(first) = kBehindCamera;

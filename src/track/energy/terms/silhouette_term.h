@@ -16,9 +16,14 @@ struct OutlineVertex {
   double distance = 0.0;
 };
 
+/// Sets the vertices' own distances to 0: the thesis wants every vertex on the outline of the mask (4.5, 4.10).
+inline void drop_own_distances(std::vector<OutlineVertex>& outline) {
+  for (OutlineVertex& vertex : outline) vertex.distance = 0.0;
+}
+
 /// Pulls the outline of the surface to the outline of the mask (4.5): the residual of an outline vertex is the distance
-/// of its projection from the mask's outline, in reference pixels (image 1024 wide). The vertices of a camera share
-/// `weight` equally, so that a finer mesh does not count more.
+/// of its projection from the mask's outline less `OutlineVertex::distance`, in reference pixels (image 1024 wide). The
+/// vertices of a camera share `weight` equally, so that a finer mesh does not count more.
 ///
 /// A vertex inside the mask whose normal points away from the nearest outline belongs to the opposite outline (b = -1
 /// in the thesis). The thesis keeps the residual |d| and negates its jacobian. The term uses the equivalent residual
