@@ -24,7 +24,7 @@ struct CorrectiveFunction {
   std::vector<int> parents;              ///< [B] -1: none
   std::vector<Eigen::Quaterniond> rest;  ///< [B] relative to the parent in the rest pose; to the world without one
   std::vector<double> lags;              ///< [L] seconds, positive, rising
-  float limit = 3.0F;                    ///< of standardised inputs
+  float limit = 4.0F;                    ///< of standardised inputs
   Eigen::VectorXf mean, scale;           ///< [I]; scale 0: the input is not used
   Eigen::MatrixXf linear;                ///< [K, I]
   Eigen::VectorXf offset;                ///< [K]

@@ -88,9 +88,9 @@ TEST(CorrectiveFunction, WeightsAreAffineWithAHiddenLayer) {
   const Eigen::VectorXf w = function.weights(x);
   EXPECT_NEAR(w(0), 0.5 + 0.1 * static_cast<double>(function.scale(3)), 1e-6);
   EXPECT_NEAR(w(1), 0.9 + 0.3 * std::tanh(0.2 - 1.5 * 0.5 * static_cast<double>(function.scale(7))), 1e-6);
-  // Inputs are limited to three deviations, weights to 0 to 1.
+  // Inputs are limited to four deviations, weights to 0 to 1.
   x(3) += 1e6F;
-  EXPECT_NEAR(function.weights(x)(0), 0.8, 1e-6);
+  EXPECT_NEAR(function.weights(x)(0), 0.9, 1e-6);
   x(7) += 10.0F;
   EXPECT_EQ(function.weights(x)(1), 1.0F);
 }
@@ -112,7 +112,7 @@ TEST(CorrectiveFunction, AGlbHoldsItBesideTheNamesOfTheTargets) {
   const auto& stored = extras["correctives"];
   EXPECT_EQ(stored["parents"], (std::vector<int>{-1, 0}));
   EXPECT_EQ(stored["lags"], (std::vector<double>{0.04}));
-  EXPECT_EQ(stored["limit"], 3.0);
+  EXPECT_EQ(stored["limit"], 4.0);
   const auto hidden = written.rows(stored["hidden"].get<int>());
   ASSERT_EQ(hidden.size(), 3U * 18U);
   EXPECT_EQ(hidden[18 + 7][0], 1.5);  // row 1, column 7

@@ -18,7 +18,7 @@ using torch::Tensor;
 constexpr std::array kRidges{1e-4, 1e-3, 1e-2, 1e-1, 1.0};  ///< of the number of samples, for standardised inputs
 constexpr double kMinDeviation = 1e-4;                      ///< inputs below are constant: metres, or radians
 constexpr int kSamplesAtOnce = 256, kStepsBetweenChecks = 100;
-constexpr double kLearningRate = 2e-3, kWeightDecay = 1e-4;
+constexpr double kLearningRate = 5e-3, kWeightDecay = 1e-4;
 
 Eigen::MatrixXf matrix_of(const Tensor& tensor) {
   const Tensor rows = tensor.detach().to(torch::kFloat32).contiguous();

@@ -16,8 +16,8 @@ struct WeightSamples {
 };
 
 struct WeightFitOptions {
-  int hidden = 96;   ///< H
-  int steps = 4000;  ///< of Adam
+  int hidden = 64;   ///< H
+  int steps = 6000;  ///< of Adam
   std::uint64_t seed = 1;
 };
 

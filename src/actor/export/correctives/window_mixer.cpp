@@ -12,11 +12,11 @@
 namespace doppel {
 namespace {
 
-constexpr double kMinTempo = 0.6, kMaxTempo = 1.6;
+constexpr double kMinTempo = 0.5, kMaxTempo = 2.0;
 constexpr int kMaxSwaps = 3;         ///< limbs of a window that come from elsewhere
-constexpr double kNoiseShare = 0.5;  ///< of the windows have noise
-constexpr double kPoseNoise = 0.25;  ///< of the deviation of a DoF
-constexpr double kSpeedNoise = 0.25;
+constexpr double kNoiseShare = 0.8;  ///< of the windows have noise
+constexpr double kPoseNoise = 1.0;   ///< of the deviation of a DoF
+constexpr double kSpeedNoise = 1.0;  ///< of the deviation of its change from pose to pose
 
 /// The DoFs that move joints at or below each joint and none above; lists that repeat or hold all DoFs are left out.
 std::vector<std::vector<int>> branches_of(const Skeleton& skeleton) {

@@ -15,8 +15,8 @@ struct WindowSource {
 };
 
 /// Draws motion windows like those of some motions, but more varied, so that a function that is fitted to them holds
-/// for other motions: at 0.6 to 1.6 times the speed, with limbs that do what they do at another time or in another
-/// motion, and half of them with other angles and other speeds of all DoFs.
+/// for other motions: at 0.5 to 2 times the speed, with limbs that do what they do at another time or in another
+/// motion, and most of them with other angles and other speeds of all DoFs.
 class WindowMixer {
  public:
   /// @param past_frames F @throws UsageError without a frame
