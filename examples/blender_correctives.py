@@ -14,6 +14,10 @@ import sys
 
 import bpy
 import numpy as np
+from mathutils import Matrix
+
+if not hasattr(np, "bool"):
+    np.bool = bool  # Blender 3.4's importer uses a name that NumPy 1.24 has dropped
 
 TO_BLENDER = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])  # from y up to z up
 TYPES = {5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -57,7 +61,6 @@ def bone_matrices(armature, function):
 
 def quaternion(matrix):
     """x y z w of a rotation matrix."""
-    from mathutils import Matrix
     w, x, y, z = Matrix(matrix.tolist()).to_quaternion()
     return np.array([x, y, z, w])
 

@@ -665,9 +665,9 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   EXPECT_LE(cv::norm(from_run, cv::imread(at("exported/turntable_000003.png")), cv::NORM_INF), 2.0);
 
   // Correctives for engines.
-  const std::string engine = "animate --morphs 6 --fit-windows 100 --format engine-glb --motion " +
+  const std::string engine = "animate --fit-windows 100 --format engine-glb --motion " +
                              at("capture/training/skeletoolToGTPose/poseAngles.motion") + " ";
-  const Outcome clip = run(engine + "--unseen " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") +
+  const Outcome clip = run(engine + "--morphs 6 --unseen " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") +
                            " --run " + at("chain") + " --json --out " + at("engine"));
   ASSERT_EQ(clip.code, 0) << clip.err;
   const nlohmann::json correctives = nlohmann::json::parse(clip.out)["engine_glb"];
