@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "doppel/core/error.h"
+#include "doppel/core/process.h"
 #include "doppel/core/progress.h"
 
 namespace doppel {
@@ -59,21 +60,21 @@ struct Standardised {
 };
 
 /// The weights of an affine function with one hidden layer.
-struct Layers {
+struct WeightLayers {
   Tensor linear, offset, hidden, hidden_offset, output;
 
   std::vector<Tensor> all() const { return {linear, offset, hidden, hidden_offset, output}; }
   Tensor operator()(const Tensor& z) const {
     return at::addmm(offset, z, linear.t()) + at::tanh(at::addmm(hidden_offset, z, hidden.t())).matmul(output.t());
   }
-  Layers copy() const {
+  WeightLayers copy() const {
     return {linear.detach().clone(), offset.detach().clone(), hidden.detach().clone(), hidden_offset.detach().clone(),
             output.detach().clone()};
   }
 };
 
 /// Mean distance of the weights: for orthonormal shapes near to the mean distance of the vertices.
-double error_of(const Layers& layers, const Standardised& s) {
+double error_of(const WeightLayers& layers, const Standardised& s) {
   const torch::NoGradGuard no_gradient;
   return (layers(s.held_z) - s.held_y).norm(2, 1).mean().item<double>();
 }
@@ -96,7 +97,7 @@ Tensor affine_part(const Standardised& s) {
   return best.t().to(torch::kFloat32);
 }
 
-Layers first_layers(const Standardised& s, int hidden, at::Generator& generator) {
+WeightLayers first_layers(const Standardised& s, int hidden, at::Generator& generator) {
   const Tensor affine = affine_part(s);
   const int64_t inputs = s.z.size(1), outputs = s.y.size(1);
   return {affine.narrow(1, 0, inputs).clone(), affine.select(1, inputs).clone(),
@@ -105,15 +106,16 @@ Layers first_layers(const Standardised& s, int hidden, at::Generator& generator)
 }
 
 /// Trains all layers; the result is the best for the samples held out.
-Layers trained_layers(const Standardised& s, const WeightFitOptions& options) {
+WeightLayers trained_layers(const Standardised& s, const WeightFitOptions& options) {
   const torch::AutoGradMode with_gradients(true);
   auto generator = at::detail::createCPUGenerator(options.seed);
-  Layers layers = first_layers(s, options.hidden, generator), best = layers.copy();
+  WeightLayers layers = first_layers(s, options.hidden, generator), best = layers.copy();
   double least = error_of(layers, s);
   for (Tensor& tensor : layers.all()) tensor.requires_grad_(true);
   torch::optim::Adam adam(layers.all(), torch::optim::AdamOptions(kLearningRate).weight_decay(0.0));
   Progress progress("fitting correctives", options.steps);
   for (int step = 1; step <= options.steps; ++step) {
+    if (stop_requested()) fail("fitting the weights of correctives: stopped at step {} of {}", step, options.steps);
     const Tensor rows = at::randint(s.z.size(0), {kSamplesAtOnce}, generator, at::TensorOptions().dtype(torch::kInt64));
     const Tensor off = layers(s.z.index_select(0, rows)) - s.y.index_select(0, rows);
     Tensor loss = off.square().sum(1).mean();
@@ -138,7 +140,7 @@ Layers trained_layers(const Standardised& s, const WeightFitOptions& options) {
 
 void fit_weights(const WeightSamples& samples, const WeightFitOptions& options, CorrectiveFunction& function) {
   const Standardised s(samples, function.limit);
-  const Layers layers = trained_layers(s, options);
+  const WeightLayers layers = trained_layers(s, options);
   function.mean = vector_of(s.mean);
   function.scale = vector_of(s.scale);
   function.linear = matrix_of(layers.linear * s.unit);

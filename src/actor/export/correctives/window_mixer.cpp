@@ -42,7 +42,7 @@ std::vector<std::vector<int>> branches_of(const Skeleton& skeleton) {
   return {found.begin(), found.end()};
 }
 
-double deviation(const std::vector<double>& values) {
+double spread_of(const std::vector<double>& values) {
   double sum = 0.0, squares = 0.0;
   for (const double value : values) {
     sum += value;
@@ -75,8 +75,8 @@ WindowMixer::WindowMixer(const Skeleton& skeleton, std::vector<WindowSource> sou
         values.push_back(motion.frames[f][d]);
         if (f > 0) changes.push_back((motion.frames[f][d] - motion.frames[f - 1][d]) * step);
       }
-    spread_[d] = deviation(values);
-    speed_[d] = deviation(changes);
+    spread_[d] = spread_of(values);
+    speed_[d] = spread_of(changes);
   }
 }
 
