@@ -9,10 +9,12 @@
 #include <optional>
 #include <span>
 
+#include "animate_engine.h"
 #include "animate_rates.h"
 #include "command.h"
 #include "doppel/actor/draw.h"
 #include "doppel/actor/export/animation.h"
+#include "doppel/actor/export/correctives/engine_clip.h"
 #include "doppel/actor/export/figure_writer.h"
 #include "doppel/actor/export/film.h"
 #include "doppel/actor/export/splat_rig.h"
@@ -46,7 +48,7 @@ namespace fs = std::filesystem;
 
 struct AnimateOptions {
   std::string character, model, run, out;
-  std::vector<std::string> motions;
+  std::vector<std::string> motions, unseen;
   std::string renderer = "mesh";
   std::vector<std::string> formats{"npy"};
   std::string bone_rule = "exact";
@@ -61,6 +63,7 @@ struct AnimateOptions {
   std::string names = "skeletool";
   FigureRights rights;
   std::optional<int> morphs;
+  int fit_windows = EngineClipOptions{}.windows;
   double tolerance_mm = 0.1;
   bool compress = false;
   bool loop = false;
@@ -125,8 +128,9 @@ MotionFromFile driven_motion(const AnimateOptions& options, const std::string& m
   for (const std::string& note : read.notes) log::info("{}: {}", motion, note);
   for (const std::string& warning : read.warnings) log::warn("{}: {}", motion, warning);
   if (read.guessed_map)
-    write_guessed_map(options, options.motions.size() > 1 ? "joint_map_" + name + ".yaml" : "joint_map.yaml",
-                      *read.guessed_map);
+    write_guessed_map(
+        options, options.motions.size() + options.unseen.size() > 1 ? "joint_map_" + name + ".yaml" : "joint_map.yaml",
+        *read.guessed_map);
   if (read.retargeting) log_retargeting(*read.retargeting, read.motion.num_frames());
   return read;
 }
@@ -153,6 +157,7 @@ std::vector<std::string> clip_names(const std::vector<std::string>& files) {
 /// A motion of the character, as it is posed and written.
 struct Clip {
   std::string name, file;
+  bool unseen = false;     ///< --unseen: it is not fitted
   Motion motion, written;  ///< at the rate of reading, and of the result
   FrameSteps steps;
   ResultFrames frames;
@@ -194,7 +199,11 @@ Clip read_clip(const AnimateOptions& options, const std::string& file, const std
   const Rates rates = rates_of(file, {options.source_fps, options.fps, training_rate});
   MotionFromFile read = driven_motion(options, file, name, character, rates);
   const double fps = rates.result > 0 ? rates.result : read.frames_per_second;
-  Clip clip{name, file, {}, {}, frame_steps(rates, read.frames_per_second, fps), {}, std::move(read.retargeting), {}};
+  Clip clip;
+  clip.name = name;
+  clip.file = file;
+  clip.steps = frame_steps(rates, read.frames_per_second, fps);
+  clip.retargeting = std::move(read.retargeting);
   clip.frames = {fps, is_foreign_motion(file) ? 1.0 : row_step(rates, fps)};
   clip.motion = std::move(read.motion);
   if (options.loop) make_loop(options, character, read.frames_per_second, clip);
@@ -205,10 +214,14 @@ Clip read_clip(const AnimateOptions& options, const std::string& file, const std
 
 std::vector<Clip> read_clips(const AnimateOptions& options, const Character& character,
                              std::optional<double> training_rate) {
-  const std::vector<std::string> names = clip_names(options.motions);
+  std::vector<std::string> files = options.motions;
+  files.insert(files.end(), options.unseen.begin(), options.unseen.end());
+  const std::vector<std::string> names = clip_names(files);
   std::vector<Clip> clips;
-  for (std::size_t i = 0; i < names.size(); ++i)
-    clips.push_back(read_clip(options, options.motions[i], names[i], character, training_rate));
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    clips.push_back(read_clip(options, files[i], names[i], character, training_rate));
+    clips.back().unseen = i >= options.motions.size();
+  }
   return clips;
 }
 
@@ -225,13 +238,16 @@ std::vector<ClipPart> parts_of(const std::vector<Clip>& clips) {
 
 /// @throws UsageError for several motions and a format that holds one
 void refuse_several_motions(const AnimateOptions& options) {
-  if (options.motions.size() < 2) return;
+  if (!options.unseen.empty() && !options.wants("engine-glb"))
+    fail<UsageError>("--unseen belongs to --format engine-glb; other files are not fitted to motions, use --motion");
+  const std::size_t motions = options.motions.size() + options.unseen.size();
+  if (motions < 2) return;
   for (const std::string& format : options.formats)
-    if (format != "glb" && format != "splat-rig")
+    if (format != "glb" && format != "splat-rig" && format != "engine-glb")
       fail<UsageError>(
           "--format {}: its files hold one motion, and there are {}; several motions go into one file with --format "
-          "glb and splat-rig, for others run the command once for each",
-          format, options.motions.size());
+          "glb, engine-glb and splat-rig, for others run the command once for each",
+          format, motions);
 }
 
 // ---- the images ----
@@ -496,10 +512,54 @@ std::unique_ptr<SequenceWriter> rig_writer(const AnimateOptions& options, const 
                                report);
 }
 
+/// The actor, and the motions that its correctives are fitted to. @throws UsageError for a character alone
+EngineTeacher engine_teacher(const Performer& performer, const std::vector<Clip>& clips) {
+  EngineTeacher teacher;
+  if (performer.trained) {
+    teacher.geometry = [actor = performer.trained.get()](const torch::Tensor& windows) { return actor->fine(windows); };
+    teacher.past_frames = performer.trained->past_frames();
+    teacher.motions = training_takes(*performer.trained);
+  } else if (performer.file) {
+    teacher.geometry = [file = &*performer.file](const torch::Tensor& windows) { return file->forward(windows); };
+    teacher.past_frames = performer.file->description().past_frames;
+  } else {
+    fail<UsageError>(
+        "--format engine-glb: a character alone is skinned, and has no trained corrections that shapes could hold; "
+        "give --run RUN, or --model FILE of `doppel export`");
+  }
+  teacher.frames_per_second = *performer.frames_per_second();
+  for (const Clip& clip : clips) {
+    if (clip.unseen) continue;
+    WindowSource source{clip.motion, clip.steps.window};
+    source.motion.frames.resize(static_cast<std::size_t>(fitted_frames(clip.motion.num_frames())));
+    teacher.motions.push_back(std::move(source));
+  }
+  return teacher;
+}
+
+std::unique_ptr<SequenceWriter> engine_writer(const AnimateOptions& options, const Performer& performer,
+                                              const std::vector<Clip>& clips, EngineClipReport& report) {
+  EngineClipOptions engine;
+  engine.frames_per_second = clips[0].frames.per_second;
+  engine.names = bone_names(options);
+  engine.tolerance = 0.001 * options.tolerance_mm;
+  engine.windows = options.fit_windows;
+  if (options.morphs) engine.shapes = *options.morphs;
+  int first = 0;
+  for (const Clip& clip : clips) {
+    engine.parts.push_back({clips.size() > 1 ? clip.name : performer.character.name, first, clip.written.num_frames(),
+                            clip.frames.per_second});
+    engine.unseen.push_back(clip.unseen);
+    first += clip.written.num_frames();
+  }
+  return make_engine_clip_writer(options.out, performer.character, engine_teacher(performer, clips), engine, report);
+}
+
 /// What the files with bones lost.
 struct FileReports {
   FigureReport figure, fbx;
   SplatRigReport rig;
+  EngineClipReport engine;
 };
 
 std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& options, const Performer& performer,
@@ -536,6 +596,7 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
   }
   if (options.wants("splat-rig"))
     writers.push_back(rig_writer(options, performer, frames.per_second, parts, reports.rig));
+  if (options.wants("engine-glb")) writers.push_back(engine_writer(options, performer, clips, reports.engine));
   if (options.wants("mp4") || options.wants("png")) {
     const Studio studio = read_studio(options);
     FilmOptions film = film_options(options, frames, studio);
@@ -567,19 +628,6 @@ void write_motions(const AnimateOptions& options, const Character& character, co
   BvhClip clip = bvh_from_motion(character.skeleton, motion, fps, character.rest_dofs);
   rename_joints(character, bone_names(options), clip);
   write_bvh(folder / "driven.bvh", clip);
-}
-
-nlohmann::json figure_json(const FigureReport& figure) {
-  nlohmann::json json = {{"nodes", figure.nodes},
-                         {"morphs", figure.morphs},
-                         {"morphs_at_once", figure.morphs_at_once},
-                         {"keys", figure.keys},
-                         {"mean_error_mm", figure.mean_error_mm},
-                         {"worst_error_mm", figure.worst_error_mm},
-                         {"largest_dropped_weight", figure.largest_dropped_weight}};
-  if (figure.compression)
-    json["compression"] = {{"mean_error_mm", figure.compression->mean}, {"worst_error_mm", figure.compression->worst}};
-  return json;
 }
 
 nlohmann::json rig_json(const SplatRigReport& rig) {
@@ -628,6 +676,7 @@ std::string files_text(const AnimateOptions& options, const FileReports& reports
     text +=
         fmt::format("splats_rig.glb: {} bones, {} Gaussians; centres off by {:.2f} mm on average, {:.1f} mm at most{}",
                     rig.nodes, reports.rig.gaussians, rig.mean_error_mm, rig.worst_error_mm, compression_text(rig));
+  if (options.wants("engine-glb")) text += engine_text(reports.engine);
   return text;
 }
 
@@ -688,6 +737,7 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
   if (options.wants("glb")) report["glb"] = figure_json(reports.figure);
   if (options.wants("fbx")) report["fbx"] = figure_json(reports.fbx);
   if (options.wants("splat-rig")) report["splat_rig"] = rig_json(reports.rig);
+  if (options.wants("engine-glb")) report["engine_glb"] = engine_json(reports.engine);
   if (common.json) {
     std::cout << report << "\n";
     return 0;
@@ -720,12 +770,17 @@ void add_actor_options(CLI::App& app, AnimateOptions& options) {
 
 void add_motion_options(CLI::App& app, AnimateOptions& options) {
   app.option_defaults()->group("Motion");
-  app.add_option("--motion", options.motions,
-                 "The motion: a .motion file, or one of any body: .bvh; .glb, .gltf, .vrm, .fbx, .dae (an animation); "
-                 ".npz (AMASS, SMPL-X); .c3d, .trc (points in space). May be repeated with --format glb and splat-rig: "
-                 "each becomes an animation of the file, by the name of its own file")
+  app.add_option(
+         "--motion", options.motions,
+         "The motion: a .motion file, or one of any body: .bvh; .glb, .gltf, .vrm, .fbx, .dae (an animation); "
+         ".npz (AMASS, SMPL-X); .c3d, .trc (points in space). May be repeated with --format glb, engine-glb and "
+         "splat-rig: each becomes an animation of the file, by the name of its own file")
       ->allow_extra_args(false)
       ->required();
+  app.add_option("--unseen", options.unseen,
+                 "With --format engine-glb: a motion like --motion that is written and measured, but not fitted; may "
+                 "be repeated")
+      ->allow_extra_args(false);
   app.add_option("--animation", options.animation, "Which animation of a .glb, .fbx, ... with several, by its name");
   app.add_option("--person", options.person,
                  "Which person of a .c3d or .trc with the points of several, by the name before that of the point");
@@ -784,7 +839,7 @@ void add_image_options(CLI::App& app, AnimateOptions& options) {
 }
 
 void add_figure_options(CLI::App& app, AnimateOptions& options) {
-  app.option_defaults()->group("Figure (--format glb, fbx, usda, splat-rig, bvh)");
+  app.option_defaults()->group("Figure (--format glb, engine-glb, fbx, usda, splat-rig, bvh)");
   app.add_option(
          "--names", options.names,
          "Names of the bones: the character's own (skeletool), Mixamo's, VRM's, Unity's (HumanBodyBones) or those of "
@@ -799,8 +854,14 @@ void add_figure_options(CLI::App& app, AnimateOptions& options) {
   app.add_option(
          "--morphs", options.morphs,
          "Largest number of morph targets that move in a frame; they hold the motion of the clothes (default: 8, "
-         "and more where the 256 targets of a file do not suffice)")
+         "and more where the 256 targets of a file do not suffice). With engine-glb: the number of corrective shapes, "
+         "2 to 256 (default: 32)")
       ->check(CLI::Range(0, 256));
+  app.add_option("--fit-windows", options.fit_windows,
+                 "With engine-glb: pieces of motion, mixed from the given ones, that the correctives are fitted to; "
+                 "more are nearer to the actor and take longer")
+      ->check(CLI::Range(100, 1000000))
+      ->capture_default_str();
   app.add_flag(
       "--compress", options.compress,
       "Compress .glb files (EXT_meshopt_compression), moving no vertex by more than about 0.1 mm; programs must "
@@ -816,11 +877,11 @@ Command add_animate(CLI::App& program) {
   auto options = std::make_shared<AnimateOptions>();
   CLI::App* app = program.add_subcommand("animate", "Drive a character with a motion: vertices, meshes, images, video");
   app->add_option("--format", options->formats,
-                  "npy, obj, mp4, png, motion, bvh, glb, fbx, usda, pc2, mdd, texture, ply, splat-glb, splat-rig, or "
-                  "several with commas")
+                  "npy, obj, mp4, png, motion, bvh, glb, engine-glb, fbx, usda, pc2, mdd, texture, ply, splat-glb, "
+                  "splat-rig, or several with commas")
       ->delimiter(',')
-      ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "fbx", "usda", "pc2", "mdd", "texture",
-                             "ply", "splat-glb", "splat-rig"}))
+      ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "engine-glb", "fbx", "usda", "pc2",
+                             "mdd", "texture", "ply", "splat-glb", "splat-rig"}))
       ->capture_default_str();
   app->add_option("--out", options->out, "The folder to write into")->required();
   const std::string usual_group = app->option_defaults()->get_group();
@@ -842,6 +903,8 @@ Command add_animate(CLI::App& program) {
       "--loop "
       "--out game\n"
       "  doppel animate --character actor/actor.character --motion walk.bvh --motion run.bvh --format glb --out game\n"
+      "  doppel animate --run runs/ddc --motion walk.bvh --motion run.bvh --unseen dance.bvh --format engine-glb --out "
+      "engine\n"
       "  doppel animate --run runs/hybrid --renderer radiance --motion walk.motion --format mp4 --out views");
   return {app, [options](const CommonOptions& common) { return run(*options, common); }};
 }

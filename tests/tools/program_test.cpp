@@ -666,6 +666,32 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   ASSERT_FALSE(from_run.empty());
   EXPECT_LE(cv::norm(from_run, cv::imread(at("exported/turntable_000003.png")), cv::NORM_INF), 2.0);
 
+  // Correctives for engines.
+  const std::string engine = "animate --fit-windows 100 --format engine-glb --motion " +
+                             at("capture/training/skeletoolToGTPose/poseAngles.motion") + " ";
+  const Outcome clip = run(engine + "--morphs 6 --unseen " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") +
+                           " --run " + at("chain") + " --json --out " + at("engine"));
+  ASSERT_EQ(clip.code, 0) << clip.err;
+  const nlohmann::json correctives = nlohmann::json::parse(clip.out)["engine_glb"];
+  EXPECT_EQ(correctives["morphs"], 6);
+  ASSERT_EQ(correctives["clips"].size(), 2u);
+  EXPECT_FALSE(correctives["clips"][0]["unseen"].get<bool>());
+  EXPECT_TRUE(correctives["clips"][1]["unseen"].get<bool>());
+  EXPECT_GT(correctives["clips"][1]["skinning_mm"].get<double>(),
+            correctives["clips"][1]["best_weights_mm"].get<double>());
+  EXPECT_TRUE(std::filesystem::exists(at("engine/engine.glb")));
+  const std::string skinned = "--character " + character_file(at("capture/character"), ".character");
+  for (const auto& [arguments, message] : std::vector<std::pair<std::string, std::string>>{
+           {engine + skinned, "a character alone is skinned"},
+           {engine + "--morphs 1 --run " + at("chain"), "2 to 256 corrective shapes"},
+           {engine + "--morphs 40 --run " + at("chain"), "at least 120 are needed"},
+           {"animate --format glb --motion none.motion --unseen none.motion --run " + at("chain"),
+            "--unseen belongs to --format engine-glb"}}) {
+    const Outcome refused = run(arguments + " --out " + at("none"));
+    EXPECT_EQ(refused.code, 2) << arguments;
+    EXPECT_THAT(refused.err, HasSubstr(message));
+  }
+
   // On top of it, Gaussians on the surface.
   step("train " DOPPEL_SOURCE_DIR "/configs/tiny/gaussians.yaml --set capture=" + at("prepared") +
        " --set ddc=" + at("chain") + " --out " + at("gaussians"));

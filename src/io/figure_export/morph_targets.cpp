@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,17 +9,13 @@
 #include <utility>
 
 #include "doppel/core/as_size.h"
-#include "doppel/geometry/decompositions.h"
 #include "doppel/io/figure_export/figure_clip.h"
+#include "doppel/io/figure_export/rest_displacements.h"
 
 namespace doppel {
 namespace {
 
 constexpr int kSnapshots = 512;
-/// Damping of the inverse of a blended matrix, which is nearly singular where a limb is twisted by half a turn.
-constexpr double kDamping = 1e-3;
-/// Components below this share of the largest are noise.
-constexpr double kMinShare = 1e-9;
 /// A group of frames with a larger error is divided: metres.
 constexpr double kMaxError = 0.005;
 constexpr int kMaxTargets = 256;
@@ -33,36 +28,6 @@ constexpr float kSmallGradient = 1e-12F;
 
 Eigen::Vector3d vertex_of(const std::vector<float>& vertices, std::size_t v) {
   return {vertices[3 * v], vertices[3 * v + 1], vertices[3 * v + 2]};
-}
-
-/// The displacements d of the rest vertices b with M (b + d) = v, in the least-squares sense: [3N].
-Eigen::VectorXf unposed_displacements(const Figure& figure, const std::vector<Eigen::Affine3d>& blended,
-                                      const std::vector<float>& vertices) {
-  Eigen::VectorXf result(3 * static_cast<Eigen::Index>(blended.size()));
-  for (std::size_t v = 0; v < blended.size(); ++v) {
-    const Eigen::Matrix3d M = blended[v].linear();
-    const Eigen::Vector3d residual = vertex_of(vertices, v) - blended[v] * figure.rest_vertices[v];
-    const Eigen::Matrix3d normal = M.transpose() * M + kDamping * Eigen::Matrix3d::Identity();
-    const Eigen::Vector3d right = M.transpose() * residual;
-    result.segment<3>(3 * static_cast<Eigen::Index>(v)) = solve_symmetric(normal, right).cast<float>();
-  }
-  return result;
-}
-
-/// [3N, K] orthonormal components of the snapshots, by the eigenvectors of their inner products. In single precision,
-/// the small components would not be orthogonal.
-Eigen::MatrixXf components_of(const Eigen::MatrixXf& single, int count) {
-  const Eigen::MatrixXd snapshots = single.cast<double>(), gram = snapshots.transpose() * snapshots;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(gram);
-  const Eigen::Index last = gram.rows() - 1;
-  const double largest = std::max(solver.eigenvalues()(last), 0.0);
-  int used = 0;
-  while (used < count && used <= last && solver.eigenvalues()(last - used) > std::max(largest * kMinShare, 1e-12))
-    ++used;
-  Eigen::MatrixXf components(snapshots.rows(), used);
-  for (int k = 0; k < used; ++k)
-    components.col(k) = (snapshots * solver.eigenvectors().col(last - k)).normalized().cast<float>();
-  return components;
 }
 
 /// What linear targets make of a group of frames: displacements mean + components * weights.
@@ -111,7 +76,7 @@ class GroupFit {
     Basis basis;
     basis.mean = snapshots.rowwise().mean();
     snapshots.colwise() -= basis.mean;
-    basis.components = components_of(snapshots, count - 1);
+    basis.components = principal_components(snapshots, count - 1);
     return basis;
   }
 

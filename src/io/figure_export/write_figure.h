@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "doppel/geometry/mesh.h"
+#include "doppel/io/figure_export/corrective_function.h"
 #include "doppel/io/figure_export/euler_tracks.h"
 #include "doppel/io/figure_export/figure_clip.h"
 #include "doppel/io/figure_export/glb_compression.h"
@@ -28,6 +29,9 @@ struct FigureFile {
   const FigureClip& clip;
   FigureRights rights = {};                  ///< with authors, a .glb is an avatar of VRM 1.0
   std::optional<GlbSteps> compression = {};  ///< a .glb is compressed with these steps; nothing: it is not
+  /// A .glb also holds this function, whose weights are those of the second morph target and the following ones
+  /// (glb_correctives.h); null: none.
+  const CorrectiveFunction* correctives = nullptr;
 };
 
 /// Writes a binary glTF 2.0 file: the skinned mesh with morph targets, the texture as PNG, an animation for each part

@@ -6,6 +6,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/io/figure_export/glb_correctives.h"
 #include "doppel/io/figure_export/glb_skeleton.h"
 #include "doppel/io/figure_export/surface_normals.h"
 #include "doppel/io/figure_export/vrm.h"
@@ -48,11 +49,11 @@ std::vector<float> spread(const SplitVertices& split, int width, const Row& row)
   return values;
 }
 
-/// Where programs look for the names of morph targets, which glTF itself does not have.
+/// Names of morph targets, which glTF itself does not have, in the form that programs know.
 tinygltf::Value target_names(const std::vector<std::string>& names) {
   tinygltf::Value::Array list;
   for (const std::string& name : names) list.emplace_back(name);
-  return tinygltf::Value(tinygltf::Value::Object{{"targetNames", tinygltf::Value(std::move(list))}});
+  return tinygltf::Value(std::move(list));
 }
 
 /// Orders triangles so that neighbours follow each other, and vertices by where they are: a vertex then differs little
@@ -109,7 +110,10 @@ class GlbWriter {
     mesh.name = file_.name;
     mesh.primitives.push_back(primitive);
     mesh.weights.assign(morphs_.count(), 0.0);
-    if (!morphs_.names.empty()) mesh.extras = target_names(morphs_.names);
+    tinygltf::Value::Object extras;
+    if (!morphs_.names.empty()) extras["targetNames"] = target_names(morphs_.names);
+    if (file_.correctives) extras["correctives"] = corrective_extras(buffer_, *file_.correctives);
+    if (!extras.empty()) mesh.extras = tinygltf::Value(std::move(extras));
     model_.meshes.push_back(mesh);
   }
 

@@ -1,0 +1,63 @@
+#pragma once
+
+/// An actor without networks: skin, corrective shapes, and a function of the bones that gives their weights, in one
+/// .glb for engines.
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "doppel/actor/export/animation.h"
+#include "doppel/actor/export/correctives/fit_correctives.h"
+#include "doppel/actor/export/figure_writer.h"
+
+namespace doppel {
+
+struct EngineClipOptions {
+  double frames_per_second = 25.0;
+  BoneNames names = BoneNames::skeletool;
+  double tolerance = 1e-4;      ///< error of interpolated keys, metres
+  std::vector<ClipPart> parts;  ///< one for each clip
+  std::vector<bool> unseen;     ///< [clips] it is written and measured, but not fitted
+  int shapes = 32;              ///< K, of which the first always has weight 1
+  int windows = 6000;           ///< motion windows that are drawn from the teacher's motions
+};
+
+/// Mean distances of the vertices from those of the actor over frames of a clip, millimetres.
+struct EngineClipError {
+  std::string name;
+  bool unseen = false;
+  int frames = 0;
+  double skinning = 0.0;     ///< of the template, skinned as the file is
+  double correctives = 0.0;  ///< with the weights of the function
+  double best = 0.0;         ///< with nearly the best weights for the same shapes
+
+  /// What correctives leave of the error of skinning.
+  double share() const { return skinning > 0.0 ? correctives / skinning : 0.0; }
+};
+
+struct EngineClipReport {
+  FigureReport figure;  ///< its errors are distances from the actor, over the frames of all clips
+  int inputs = 0, hidden = 0;
+  double history = 0.0;                ///< seconds that the function looks back
+  std::vector<EngineClipError> clips;  ///< of a clip that is fitted: its last fifth, which is held out
+};
+
+/// The part of a clip that is fitted, from its first frame: the rest is held out.
+int fitted_frames(int frames);
+
+/// `folder/engine.glb`: as `write_glb`, with K morph targets: `Corrective_Base` with weight 1, and `Corrective_1`, ...
+/// whose weights are the function in `extras` (CorrectiveFunction). The animations of the clips hold these weights too,
+/// for programs that do not know the function. The shapes are the mean and the principal components of what the actor's
+/// surface has beyond the skin, in the rest pose. The function is fitted to the clips and to windows drawn from
+/// `teacher.motions`. Holds all frames in memory until `close`, 12 bytes per vertex and frame.
+/// @param teacher its motions should be those of fitted clips up to `fitted_frames`, and others
+/// @param report filled by `close`; must outlive the writer, as must the character
+/// @throws UsageError when K is not 2 to 256, names do not fit the bones, or the motions have fewer than three poses
+/// for each shape
+std::unique_ptr<SequenceWriter> make_engine_clip_writer(const std::filesystem::path& folder, const Character& character,
+                                                        EngineTeacher teacher, const EngineClipOptions& options,
+                                                        EngineClipReport& report);
+
+}  // namespace doppel
