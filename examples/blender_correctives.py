@@ -32,11 +32,14 @@ def read_function(path):
 
     def array(index):
         accessor = gltf["accessors"][index]
-        start = 28 + size + gltf["bufferViews"][accessor["bufferView"]].get("byteOffset", 0)
+        view = gltf["bufferViews"][accessor["bufferView"]]
+        start = 28 + size + view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
         width = WIDTHS[accessor["type"]]
         return np.frombuffer(data, TYPES[accessor["componentType"]], accessor["count"] * width, start).reshape(-1, width)
 
-    function = dict(gltf["meshes"][0]["extras"]["correctives"])
+    function = dict(gltf["meshes"][0].get("extras", {}).get("correctives", {}))
+    if function.get("version") != 1:
+        sys.exit(f"{path} holds no correctives of version 1; write it with `doppel animate --format engine-glb`")
     for name in ("mean", "scale", "linear", "offset", "hidden", "hiddenOffset", "output"):
         function[name] = array(function[name]).ravel().astype(float)
     for matrix, rows in (("linear", "offset"), ("hidden", "hiddenOffset"), ("output", "offset")):
@@ -87,7 +90,10 @@ class Weights:
     def update(self, seconds, matrices):
         turns, points = np.array([quaternion(m[:3, :3]) for m in matrices]), matrices[:, :3, 3]
         self.history.append((seconds, turns, points))
-        past = [self.past(seconds - lag) for lag in self.function["lags"]]
+        lags = self.function["lags"]
+        while len(self.history) > 2 and lags and self.history[1][0] <= seconds - lags[-1]:
+            del self.history[0]
+        past = [self.past(seconds - lag) for lag in lags]
         return self.weights(self.inputs(turns, points, matrices, past))
 
     def past(self, seconds):
@@ -162,4 +168,7 @@ def main(source, target):
 
 
 if __name__ == "__main__" and "--" in sys.argv:
-    main(*sys.argv[sys.argv.index("--") + 1:])
+    arguments = sys.argv[sys.argv.index("--") + 1:]
+    if len(arguments) != 2:
+        sys.exit("usage: blender --background --python blender_correctives.py -- engine.glb OUT.blend")
+    main(*arguments)

@@ -3,6 +3,7 @@
 //   const gltf = await new GLTFLoader().loadAsync('engine.glb');
 //   const correctives = await Correctives.of(gltf), mixer = new AnimationMixer(gltf.scene);
 //   mixer.clipAction(gltf.animations[0]).play();           // or anything else that moves the bones
+//   mixer.addEventListener('loop', () => correctives.reset());
 //   function draw(seconds) { mixer.update(seconds); correctives.update(seconds); renderer.render(scene, camera); }
 // `seconds` is the time since the frame before. The animations in the file set the weights too; `update` comes later
 // and replaces them. The world is in metres with y up, and no bone is scaled.
@@ -39,6 +40,7 @@ export class Correctives {
     gltf.scene.traverse((node) => { if (node.isSkinnedMesh && node.userData.correctives) meshes.push(node); });
     if (meshes.length === 0) throw new Error('the file holds no correctives; write it with `doppel animate --format engine-glb`');
     const f = { ...meshes[0].userData.correctives };
+    if (f.version !== 1) throw new Error(`the file holds correctives of version ${f.version}; this script reads version 1`);
     for (const name of ['rest', 'mean', 'scale', 'linear', 'offset', 'hidden', 'hiddenOffset', 'output'])
       f[name] = (await gltf.parser.getDependency('accessor', f[name])).array;
     return new Correctives(meshes[0], f);
@@ -55,6 +57,7 @@ export class Correctives {
 
   /** Sets the weights for the bones as they are now. @param seconds since the last call */
   update(seconds) {
+    if (!(seconds >= 0)) throw new Error(`update(${seconds}): give the seconds since the last call, 0 or more`);
     this.time += seconds;
     if (!(seconds > 0)) this.history.pop();  // the same moment again
     this.history.push({ time: this.time, bones: this.bones() });

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Chooses noise and loss weights of configs/quickstart/egnet.yaml on training frames: trains without a share of the
-# training frames and judges on it. The test split is not read.
+# A table to choose noise and loss weights of configs/quickstart/egnet.yaml by: trains without a share of the training
+# frames and judges on it. The test split is not read.
 #   scripts/choose_quickstart.sh [FOLDER]     default: the folder choose-quickstart; resumes after an interruption
 # JOBS=2 (the default) runs are trained side by side, with one thread each. SEEDS="1 2 3" (the default).
 set -euo pipefail

@@ -20,7 +20,10 @@ once prepared/capture.yaml prepare "$folder/joints" --mask-size 700 --out "$fold
 # sequences SPLIT: their names
 sequences() { awk -v split_name="$1" '/- name:/ { name = $3 } $1 == "split:" && $2 == split_name { print name }' "$folder/joints/capture.yaml"; }
 motion="$(awk '/- name:/ { train = 0 } $2 == "train" { train = 1 } train && $1 == "motion:" { print $2; exit }' "$folder/joints/capture.yaml")"
-[ "${motion:0:1}" = / ] || motion="$(sed -n 's/^root: //p' "$folder/joints/capture.yaml")/$motion"
+[ -n "$motion" ] || { echo "$capture has no motion in a sequence for training" >&2; exit 1; }
+root="$(sed -n 's/^root: //p' "$folder/joints/capture.yaml")"
+[ "${root:0:1}" = / ] || root="$folder/joints/$root"
+[ "${motion:0:1}" = / ] || motion="$root/$motion"
 
 # tracked NAME SPLIT OPTION ...: tracks the split's sequences in each camera; judged at the true position and as it is
 tracked() {
@@ -36,8 +39,10 @@ tracked() {
 }
 # judge NAME SPLIT OPTION ...: NAME.json
 judge() {
-  [ -f "$folder/$1.json" ] || "$doppel" evaluate --capture "$folder/prepared" --split "$2" \
-    --tracked "$folder/${1%.as-is}" "${@:3}" --json >"$folder/$1.json"
+  [ ! -f "$folder/$1.json" ] || return 0
+  "$doppel" evaluate --capture "$folder/prepared" --split "$2" --tracked "$folder/${1%.as-is}" "${@:3}" --json \
+    >"$folder/$1.json.part"
+  mv "$folder/$1.json.part" "$folder/$1.json"
 }
 # row TITLE NAME
 row() {

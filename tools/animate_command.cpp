@@ -489,8 +489,8 @@ FigureOptions figure_options(const AnimateOptions& options, double fps, const st
   figure.frames_per_second = fps;
   figure.parts = parts;
   figure.names = bone_names(options);
-  if (!options.rights.authors.empty() && figure.names != BoneNames::vrm)
-    fail<UsageError>("--author belongs to --names vrm");
+  if (!options.rights.authors.empty() && (figure.names != BoneNames::vrm || !figure.glb))
+    fail<UsageError>("--author belongs to --names vrm and --format glb");
   figure.rights = options.rights;
   figure.morphs = options.morphs;
   figure.tolerance = 0.001 * options.tolerance_mm;
@@ -513,7 +513,12 @@ std::unique_ptr<SequenceWriter> rig_writer(const AnimateOptions& options, const 
 }
 
 /// The actor, and the motions that its correctives are fitted to. @throws UsageError for a character alone
-EngineTeacher engine_teacher(const Performer& performer, const std::vector<Clip>& clips) {
+EngineTeacher engine_teacher(const AnimateOptions& options, const Performer& performer,
+                             const std::vector<Clip>& clips) {
+  if (options.renderer == "radiance")
+    fail<UsageError>(
+        "--format engine-glb holds the surface of EGNet and DeltaNet, and --renderer radiance another one; write "
+        "engine.glb in a call of its own, without --renderer");
   EngineTeacher teacher;
   if (performer.trained) {
     teacher.geometry = [actor = performer.trained.get()](const torch::Tensor& windows) { return actor->fine(windows); };
@@ -552,7 +557,8 @@ std::unique_ptr<SequenceWriter> engine_writer(const AnimateOptions& options, con
     engine.unseen.push_back(clip.unseen);
     first += clip.written.num_frames();
   }
-  return make_engine_clip_writer(options.out, performer.character, engine_teacher(performer, clips), engine, report);
+  return make_engine_clip_writer(options.out, performer.character, engine_teacher(options, performer, clips), engine,
+                                 report);
 }
 
 /// What the files with bones lost.
@@ -860,12 +866,12 @@ void add_figure_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--fit-windows", options.fit_windows,
                  "With engine-glb: pieces of motion, mixed from the given ones, that the correctives are fitted to; "
                  "more are nearer to the actor and take longer")
-      ->check(CLI::Range(100, 1000000))
+      ->check(CLI::Range(100, 100000))
       ->capture_default_str();
   app.add_flag(
       "--compress", options.compress,
       "Compress .glb files (EXT_meshopt_compression), moving no vertex by more than about 0.1 mm; programs must "
-      "know the extension");
+      "know the extension. engine.glb stays as it is");
   app.add_option("--tolerance", options.tolerance_mm, "Error that leaving out keyframes may cause, mm")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();

@@ -6,7 +6,6 @@
 
 namespace doppel::tools {
 
-/// The takes of the training motions of a run.
 std::vector<WindowSource> training_takes(const TrainedActor& actor) {
   std::vector<WindowSource> takes;
   const Dataset dataset = actor.subject.open_dataset();
@@ -39,14 +38,14 @@ nlohmann::json engine_json(const EngineClipReport& engine) {
   nlohmann::json json = figure_json(engine.figure);
   json.erase("morphs_at_once");
   json.update({{"inputs", engine.inputs}, {"hidden", engine.hidden}, {"history_seconds", engine.history}});
-  for (const EngineClipError& clip : engine.clips)
-    json["clips"].push_back({{"name", clip.name},
-                             {"unseen", clip.unseen},
-                             {"frames", clip.frames},
-                             {"skinning_mm", clip.skinning},
-                             {"correctives_mm", clip.correctives},
-                             {"best_weights_mm", clip.best},
-                             {"share_of_skinning", clip.share()}});
+  for (const EngineClipError& clip : engine.clips) {
+    json["clips"].push_back({{"name", clip.name}, {"unseen", clip.unseen}, {"frames", clip.frames}});
+    if (clip.frames == 0) continue;
+    json["clips"].back().update({{"skinning_mm", clip.skinning},
+                                 {"correctives_mm", clip.correctives},
+                                 {"best_weights_mm", clip.best},
+                                 {"share_of_skinning", clip.share()}});
+  }
   return json;
 }
 
@@ -54,12 +53,14 @@ std::string engine_text(const EngineClipReport& engine) {
   std::string text =
       fmt::format("engine.glb: {} bones, {} corrective shapes, {} inputs, {} hidden units, {:.2f} s of history\n",
                   engine.figure.nodes, engine.figure.morphs, engine.inputs, engine.hidden, engine.history);
-  for (const EngineClipError& clip : engine.clips)
+  for (const EngineClipError& clip : engine.clips) {
+    if (clip.frames == 0) continue;
     text += fmt::format(
         "  {} ({}{} frames): vertices off by {:.2f} mm on average, {:.0f} % of the {:.2f} mm of skinning; with the "
         "best weights {:.2f} mm\n",
         clip.name, clip.unseen ? "unseen, " : "last fifth, ", clip.frames, clip.correctives, 100.0 * clip.share(),
         clip.skinning, clip.best);
+  }
   return text;
 }
 

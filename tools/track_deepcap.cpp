@@ -1,5 +1,6 @@
 #include <memory>
 
+#include "doppel/core/error.h"
 #include "doppel/track/deepcap/deepcap.h"
 #include "track_methods.h"
 
@@ -45,6 +46,10 @@ Command add_track_deepcap(CLI::App& track) {
   app->add_flag("!--no-film", deepcap.film, "Do not write SEQUENCE.mp4, a film of the surface over the images");
   app->add_option("--texture", arguments->texture, "Texture image for the surface in the film");
   const auto run = [arguments](const CommonOptions& common) {
+    if (arguments->smooth == "vertices" && !arguments->deepcap.film && !arguments->task.vertices)
+      fail<UsageError>(
+          "--smooth vertices changes the film and the vertices alone, and neither is written; add --vertices, or leave "
+          "--no-film out");
     arguments->deepcap.smoothed =
         arguments->smooth == "vertices" ? DeepcapSmoothing::vertices : DeepcapSmoothing::poses;
     return track_sequences(*arguments, common, true, [arguments](const TrackArguments& found) {

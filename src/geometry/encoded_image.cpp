@@ -68,6 +68,8 @@ std::optional<Eigen::Vector2i> announced_image_size(const std::string& bytes) {
   if (view.substr(0, 4) == std::string_view("II*\0", 4) || view.substr(0, 4) == std::string_view("MM\0*", 4))
     return tiff_size(view);
   if (view.substr(0, 2) != "BM") return std::nullopt;
+  if (number_at(view, 14, 4, false) == 12)  // the header of OS/2
+    return size_of(number_at(view, 18, 2, false), number_at(view, 20, 2, false));
   // The height of a BMP image is negative where its first row is the upper one.
   const auto height = static_cast<std::int32_t>(number_at(view, 22, 4, false));
   return size_of(number_at(view, 18, 4, false),

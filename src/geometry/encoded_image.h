@@ -17,7 +17,8 @@ std::optional<Eigen::Vector2i> announced_image_size(const std::string& bytes);
 
 /// Decodes the bytes of an image file. Decoders allocate what a header announces, so the header is looked at first.
 /// @param flags of cv::imdecode
-/// @return empty: no image, damaged, over a gigabyte, or with more pixels than allowed
+/// @return empty: no image, damaged, over a gigabyte, or with more pixels than allowed. Formats whose header is not
+/// known here (announced_image_size) have OpenCV's own limit of 2^30 pixels
 cv::Mat decode_image(const std::string& bytes, int flags, std::int64_t max_pixels = kMaxImagePixels);
 
 }  // namespace doppel

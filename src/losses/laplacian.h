@@ -5,7 +5,7 @@
 ///   L = sum over batch and vertices of w_i |n_i d_i - sum over neighbours j of d_j|^2 / (B * 2E),   d = V_fi - V_co
 ///
 /// n_i neighbours of vertex i (sums, not means), E undirected edges, w_i the rigidity s_i of the vertex or of its edges
-/// (LaplacianOptions), metres. Equation: 6.17, whose sum over the vertices is not divided. Letters: B batch, N
+/// (LaplacianOptions), V in metres. Equation: 6.17, whose sum over the vertices is not divided. Letters: B batch, N
 /// vertices.
 
 #include <torch/types.h>

@@ -98,7 +98,10 @@ cv::Mat read_texture(const std::string& path) {
   const std::string bytes = fs::is_regular_file(path) ? read_file(path) : std::string();
   cv::Mat texture = decode_image(bytes, cv::IMREAD_UNCHANGED);
   if (texture.type() != CV_8UC4 && !texture.empty()) texture = decode_image(bytes, cv::IMREAD_COLOR);
-  if (texture.empty()) fail<UsageError>("--texture {}: there is no image of this name that OpenCV can decode", path);
+  if (texture.empty())
+    fail<UsageError>(
+        "--texture {}: there is no image of this name that OpenCV can decode and that has at most {} pixels", path,
+        kMaxImagePixels);
   return texture;
 }
 

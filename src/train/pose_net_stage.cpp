@@ -40,7 +40,7 @@ void describe_keys(const Keys& keys, PoseNetRunConfig& c) {
   keys("model.dofs", c.dofs,
        "names of the DoFs to predict; `*` stands for any characters, a leading `!` removes; empty: `angles`");
   keys("model.angles", c.angles, {"determined", "all"},
-       "with empty `dofs`: the joint angles that landmarks determine, or all, as in the thesis");
+       "the joint angles that landmarks determine, or all, as in the thesis; no effect with `dofs`");
   describe_keys(keys.section("model"), c.model);
   describe_keys(keys.section("loss"), c.detections);
   describe_keys(keys, c.phases);

@@ -1,5 +1,5 @@
-// Every preset of configs/paper takes steps: the losses, networks and keys of the thesis work together. Batches, images
-// and textures are smaller here, nothing else.
+// Every preset of configs/paper takes steps: the losses, networks and keys of the thesis work together. Steps, batches,
+// rays, images and textures are fewer or smaller here, nothing else.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -95,7 +95,7 @@ TEST_F(PaperPresets, DeepCapAndItsAdaptation) {
   step("adapt --run " + at("deepcap") + " --capture " + at("prepared") + " --out " + at("adapted") + " --config " +
        preset("adapt") +
        " --set posenet.iterations=2 --set posenet.batch_size=2 --set defnet.iterations=2 --set defnet.batch_size=2");
-  EXPECT_TRUE(fs::exists(at("adapted/config.yaml")));
+  EXPECT_TRUE(fs::exists(at("adapted/adapt.json")));
 }
 
 TEST_F(PaperPresets, LiveCap) {

@@ -232,6 +232,8 @@ TEST(ProgramRejects, OptionsOfAnotherMethodWithItsName) {
   EXPECT_THAT(complaint_about("track livecap clip --surface"), HasSubstr("--surface is an option of `doppel track`"));
   EXPECT_THAT(complaint_about("track points clip --config=x.yaml"), HasSubstr("--config is an option of"));
   EXPECT_THAT(complaint_about("track deepcap clip"), HasSubstr("--run is required"));
+  EXPECT_THAT(complaint_about("track deepcap clip --run r --out o --smooth vertices --no-film"),
+              HasSubstr("add --vertices"));
   EXPECT_THAT(complaint_about("track live clip"), HasSubstr("--source is required"));
   for (const char* other : {"--posenet run", "--config x.yaml", "--set smoothing=0", "--prior-motion x.motion"})
     EXPECT_THAT(complaint_about("track live clip --source 0 --deepcap run " + std::string(other)),

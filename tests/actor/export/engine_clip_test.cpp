@@ -3,11 +3,14 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
 #include "doppel/actor/export/correctives/weight_fit.h"
 #include "doppel/actor/export/correctives/window_mixer.h"
+#include "doppel/character/resample_motion.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "support/gltf_pose.h"
 #include "support/message_of.h"
@@ -93,19 +96,46 @@ TEST(WindowMixer, WindowsAreFasterOrSlowerPiecesOfTheMotions) {
   const WindowMixer mixer(character.skeleton, {{motion, 2.0}}, kPastFrames);
   Random random(3);
   int even = 0, mixed = 0;
+  double slowest = 1.0, fastest = 0.0;
   for (int i = 0; i < 300; ++i) {
     const auto window = mixer.draw(random);
     ASSERT_EQ(window.size(), 3U);
     const double step = window[2][0] - window[1][0];  // of the root, which has no noise
     EXPECT_LE(step, 2.0 * 0.002 + 1e-9);
     EXPECT_GE(step, -1e-9);
+    fastest = std::max(fastest, step);
+    if (window[0][0] > 0.0 && window[2][0] < 0.199) slowest = std::min(slowest, step);  // the ends of the motion rest
     bool same = true;
     for (const double value : window[2]) same = same && std::abs(value - window[2][0]) < 1e-9;
     ++(same ? even : mixed);
     EXPECT_NEAR(window[2][1], window[2][0], 1e-9);  // the root stays together
   }
+  EXPECT_NEAR(slowest, 0.5 * 0.002, 1e-4);
+  EXPECT_NEAR(fastest, 2.0 * 0.002, 1e-4);
   EXPECT_GT(even, 3);
   EXPECT_GT(mixed, 150);
+}
+
+TEST(WindowMixer, AFullTurnOfAnAngleIsNoSpeed) {
+  // Two motions that differ by full turns of the heading in some frames give windows of the same speeds.
+  const Character character = make_test_character();
+  const auto heading = static_cast<std::size_t>(*character.skeleton.find_dof("rotate_y"));
+  const double turn = full_turns(character.skeleton)[heading];
+  ASSERT_GT(turn, 0.0);
+  Motion smooth, wrapped;
+  for (int t = 0; t < 200; ++t) {
+    smooth.frames.emplace_back(as_size(character.num_dofs()), 0.0);
+    smooth.frames.back()[heading] = 0.001 * t;
+    wrapped.frames.push_back(smooth.frames.back());
+    if (t % 20 >= 10) wrapped.frames.back()[heading] -= turn;
+  }
+  const WindowMixer a(character.skeleton, {{smooth, 1.0}}, kPastFrames),
+      b(character.skeleton, {{wrapped, 1.0}}, kPastFrames);
+  Random first(5), second(5);
+  for (int i = 0; i < 200; ++i) {
+    const auto expected = a.draw(first), found = b.draw(second);
+    EXPECT_NEAR(found[2][heading] - found[1][heading], expected[2][heading] - expected[1][heading], 1e-6) << i;
+  }
 }
 
 TEST(WeightFit, FindsAFunctionOfItsOwnForm) {

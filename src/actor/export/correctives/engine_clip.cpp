@@ -117,6 +117,7 @@ class EngineClipWriter : public SequenceWriter {
           function.weights(frames_.inputs[t]).cast<double>().transpose();
   }
 
+  /// The errors of a clip over the frames that were not fitted.
   void measure(const FittedCorrectives& fitted, const MorphTargets& morphs, std::size_t c) {
     const ClipPart& part = options_.parts[c];
     EngineClipError error;

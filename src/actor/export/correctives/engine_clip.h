@@ -21,14 +21,15 @@ struct EngineClipOptions {
   std::vector<ClipPart> parts;  ///< one for each clip
   std::vector<bool> unseen;     ///< [clips] it is written and measured, but not fitted
   int shapes = 32;              ///< K, of which the first always has weight 1
-  int windows = 6000;           ///< motion windows that are drawn from the teacher's motions
+  int windows = 6000;           ///< motion windows that are drawn from the teacher's motions: memory for each, while
+                                ///< the function is fitted, is about 20 bytes per input
 };
 
 /// Mean distances of the vertices from those of the actor over frames of a clip, millimetres.
 struct EngineClipError {
   std::string name;
   bool unseen = false;
-  int frames = 0;
+  int frames = 0;            ///< that were measured; 0 for a fitted clip of fewer than two frames, whose errors are 0
   double skinning = 0.0;     ///< of the template, skinned as the file is
   double correctives = 0.0;  ///< with the weights of the function
   double best = 0.0;         ///< with nearly the best weights for the same shapes
@@ -40,8 +41,10 @@ struct EngineClipError {
 struct EngineClipReport {
   FigureReport figure;  ///< its errors are distances from the actor, over the frames of all clips
   int inputs = 0, hidden = 0;
-  double history = 0.0;                ///< seconds that the function looks back
-  std::vector<EngineClipError> clips;  ///< of a clip that is fitted: its last fifth, which is held out
+  double history = 0.0;  ///< seconds that the function looks back
+  /// Of a clip that is fitted: its last fifth. It chooses the ridge and the end of the fit, so its errors are somewhat
+  /// too small; those of unseen clips are not.
+  std::vector<EngineClipError> clips;
 };
 
 /// The part of a clip that is fitted, from its first frame: the rest is held out.

@@ -108,6 +108,10 @@ class CorrectiveFit {
           {windows.begin() + static_cast<std::ptrdiff_t>(i), windows.begin() + static_cast<std::ptrdiff_t>(i + count)});
     }
     result_.shapes = corrective_shapes(std::move(columns), options_.shapes);
+    if (result_.shapes.components.cols() == 0)
+      fail(
+          "fitting correctives: the surface of the actor is its skin in every pose, so there is nothing to correct; "
+          "--format glb holds it");
   }
 
   void add(Eigen::VectorXf inputs, const Eigen::VectorXf& displaced, bool held_out) {

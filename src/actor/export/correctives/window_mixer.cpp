@@ -52,6 +52,7 @@ double spread_of(const std::vector<double>& values) {
   return std::sqrt(std::max(0.0, squares / count - mean * mean));
 }
 
+/// From a hash of a uniform number, so that the bits do not depend on the standard library.
 double normal_number(Random& random) { return hash_normal(static_cast<std::uint64_t>(random.uniform() * 0x1p53)); }
 
 }  // namespace
@@ -72,8 +73,15 @@ WindowMixer::WindowMixer(const Skeleton& skeleton, std::vector<WindowSource> sou
     std::vector<double> values, changes;
     for (const auto& [motion, step] : sources_)
       for (std::size_t f = 0; f < motion.frames.size(); ++f) {
-        values.push_back(motion.frames[f][d]);
-        if (f > 0) changes.push_back((motion.frames[f][d] - motion.frames[f - 1][d]) * step);
+        if (f == 0) {
+          values.push_back(motion.frames[0][d]);
+          continue;
+        }
+        // An angle may jump by a full turn, which is no motion, and at a cut by any amount.
+        double change = motion.frames[f][d] - motion.frames[f - 1][d];
+        if (turns_[d] > 0.0) change = std::remainder(change, turns_[d]);
+        values.push_back(values.back() + change);
+        if (turns_[d] == 0.0 || std::abs(change) <= 0.25 * turns_[d]) changes.push_back(change * step);
       }
     spread_[d] = spread_of(values);
     speed_[d] = spread_of(changes);

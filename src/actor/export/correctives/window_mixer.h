@@ -16,7 +16,7 @@ struct WindowSource {
 
 /// Draws motion windows like those of some motions, but more varied, so that a function that is fitted to them holds
 /// for other motions: at 0.5 to 2 times the speed, with limbs that do what they do at another time or in another
-/// motion, and most of them with other angles and other speeds of all DoFs.
+/// motion, and most of them with other angles and other speeds of all DoFs but the translations of the root.
 class WindowMixer {
  public:
   /// @param past_frames F @throws UsageError without a frame
