@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "doppel/core/npy.h"
+#include "doppel/detect/keypoints/joint_detections.h"
 #include "doppel/detect/keypoints/keypoint_map.h"
 #include "doppel/detect/keypoints/keypoint_table.h"
 #include "doppel/detect/keypoints/read_keypoints.h"
