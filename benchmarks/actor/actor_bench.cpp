@@ -49,7 +49,7 @@ struct Actor {
   Actor(doppel::Character given, int inertia)
       : character(std::move(given)),
         egnet(character, egnet_config(inertia)),
-        deltanet(character, doppel::DeltaNetConfig::preset("paper")),
+        deltanet(character, doppel::DeltaNetConfig()),
         surface(character) {
     egnet->eval();
     deltanet->eval();

@@ -59,7 +59,7 @@ Tensor windows_of(const doppel::Character& character, int64_t batch) {
 
 /// The network of a body, with the same weights in each.
 DeltaNet evaluated_net(const doppel::Character& character, doppel::DenseBlock dense) {
-  doppel::DeltaNetConfig config = doppel::DeltaNetConfig::preset("paper");
+  doppel::DeltaNetConfig config;
   config.sagcn.dense = dense;
   DeltaNet net(character, config);
   net->eval();
@@ -102,7 +102,7 @@ void forward_at_batch_one(const doppel::Character& character, doppel::DenseBlock
 }
 
 void training_step(const doppel::Character& character, int64_t batch) {
-  DeltaNet net(character, doppel::DeltaNetConfig::preset("paper"));
+  DeltaNet net(character, doppel::DeltaNetConfig());
   const Tensor window = windows_of(character, batch);
   const Tensor grad = torch::randn({batch, character.num_vertices(), 3}, at::detail::createCPUGenerator(2));
   char title[160];
