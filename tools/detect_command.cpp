@@ -2,12 +2,9 @@
 #include <atomic>
 #include <chrono>
 #include <cstdio>
-#include <exception>
 #include <future>
 #include <memory>
-#include <mutex>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "command.h"
 #include "detect_camera.h"
@@ -23,6 +20,7 @@
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
+#include "doppel/core/workers.h"
 #include "doppel/data/capture/find_capture.h"
 #include "shared_work.h"
 
@@ -117,17 +115,17 @@ class DetectJob {
         shard_(common.shard.value_or(Shard())),
         merging_(!common.merged.empty()),
         sources_(detect_sources(arguments.source)),
+        crew_(std::clamp(static_cast<int>(sources_.size()) / shard_.count, 1, resolve_threads(common.threads))),
         guides_(sources_.size()),
         reports_(sources_.size()) {
     const int threads = resolve_threads(common.threads);
     for (const DetectSource& source : sources_) sequences_ += source.sequence != sources_[0].sequence;
     const bool several = several_cameras(sources_), accurate = arguments.model.empty() && several;
     if (arguments_.model.empty()) arguments_.model = accurate ? "heavy" : "full";
-    num_workers_ = std::clamp(static_cast<int>(sources_.size()) / shard_.count, 1, threads);
     if (arguments.has_network())
       network_ = choose_network(arguments.network, arguments.config, arguments.layout, arguments.masks);
     options_ = {.model = parse_blazepose_model(arguments_.model),
-                .threads = std::clamp(threads / num_workers_, 1, 8),
+                .threads = std::clamp(threads / crew_.count(), 1, 8),
                 .masks = arguments.masks,
                 .mirror = arguments.mirror.value_or(accurate),
                 .models = {}};
@@ -136,7 +134,7 @@ class DetectJob {
     sharpen_ = arguments.masks && !arguments.raw_masks && !network_;
     // A shard has not the masks of all cameras.
     compare_ = sharpen_ && shard_.count == 1;
-    for (int i = 0; i < num_workers_ && !merging_; ++i)
+    for (int i = 0; i < crew_.count() && !merging_; ++i)
       workers_.push_back(network_ ? worker_of(*network_) : worker_of(options_, hands_, sharpen_));
   }
 
@@ -230,10 +228,10 @@ class DetectJob {
   /// Finds out who is who in each sequence, from all of its cameras. A shard does it for all cameras too, so that the
   /// shards follow the same person.
   void find_people() {
-    std::vector<std::unique_ptr<BodyDetector>> detectors(as_size(num_workers_));
+    std::vector<std::unique_ptr<BodyDetector>> detectors(as_size(crew_.count()));
     for (const PeopleSearch& search : searches_) {
       std::vector<std::optional<CameraPeople>> seen(search.sources.size());
-      share(seen.size(), [&](std::size_t worker, std::size_t c) {
+      crew_.share(seen.size(), [&](std::size_t worker, std::size_t c) {
         if (!detectors[worker]) detectors[worker] = std::make_unique<BodyDetector>(looking_options(options_));
         seen[c] =
             look_at_people(sources_[search.sources[c]], search.rows, *detectors[worker], [&] { return advance(); });
@@ -256,7 +254,7 @@ class DetectJob {
   }
 
   void follow_cameras() {
-    share(sources_.size(), [&](std::size_t worker, std::size_t i) {
+    crew_.share(sources_.size(), [&](std::size_t worker, std::size_t i) {
       if (!shard_.owns(i)) return;
       reports_[i] = workers_[worker](sources_[i], files_of(sources_[i]), guides_[i], [&] { return advance(); });
     });
@@ -273,28 +271,7 @@ class DetectJob {
   /// Called before or after each step of the work. @return whether to go on
   bool advance() {
     ++steps_done_;
-    return !stop_requested() && !failed_;
-  }
-
-  /// Does `work` for each item, several at a time. Ends early when the user stops the job.
-  /// @throws the first error of a worker
-  void share(std::size_t items, const std::function<void(std::size_t worker, std::size_t item)>& work) {
-    std::atomic<std::size_t> next{0};
-    std::exception_ptr error;
-    std::mutex error_mutex;
-    std::vector<std::thread> workers;
-    for (std::size_t worker = 0; worker < as_size(num_workers_); ++worker)
-      workers.emplace_back([&, worker] {
-        try {
-          for (std::size_t i = next++; i < items && !stop_requested() && !failed_; i = next++) work(worker, i);
-        } catch (...) {
-          const std::lock_guard lock(error_mutex);
-          if (!error) error = std::current_exception();
-          failed_ = true;
-        }
-      });
-    for (std::thread& worker : workers) worker.join();
-    if (error) std::rethrow_exception(error);
+    return crew_.wanted();
   }
 
   /// All steps: images in which people are looked for, images that are searched, and moments in which masks are
@@ -328,6 +305,7 @@ class DetectJob {
   Shard shard_;  ///< camera c of sequence s is unit s*C + c
   bool merging_;
   std::vector<DetectSource> sources_;
+  Workers crew_;
   int sequences_ = 0;     ///< sources of another sequence than the first
   bool hands_ = false;    ///< whether hands are read
   bool sharpen_ = false;  ///< whether masks become sharp
@@ -339,10 +317,8 @@ class DetectJob {
   std::vector<std::optional<DetectReport>> reports_;
   std::optional<DetectNetwork> network_;  ///< not given: BlazePose
   BodyDetectorOptions options_;
-  int num_workers_ = 1;
   std::vector<CameraWorker> workers_;
   std::atomic<long> steps_done_{0};
-  std::atomic<bool> failed_{false};
 };
 
 void print_table(const Json& report) {

@@ -31,7 +31,7 @@ ShardFile shard_from_json(const Json& node, const fs::path& path) {
   file.shard = parse_shard(node.at("shard").get<std::string>());
   file.finished = node.at("finished").get<bool>();
   file.results = node.at("results");
-  const std::set<std::string> commands{"prepare", "detect", "track", "evaluate"};
+  const std::set<std::string> commands{"synth", "prepare", "detect", "track", "evaluate"};
   if (file.arguments.empty() || !commands.contains(file.command()))
     fail<UsageError>("{}: the command is '{}'; only {} work in shards", path.string(),
                      file.arguments.empty() ? "" : excerpt(file.command()), fmt::join(commands, ", "));

@@ -19,6 +19,7 @@ constexpr char kMagic[] = "\x93NUMPY";
 constexpr std::size_t kMagicSize = 6;
 // Room for twenty more digits of the first axis, so that a stream can complete its header in place.
 constexpr std::size_t kStreamHeaderSize = 256;
+constexpr std::size_t kMaxDictionary = 4096;  // bytes of a header that are read
 
 std::int64_t item_size(const std::string& type) {
   if (type == "<f4" || type == "<i4") return 4;
@@ -103,17 +104,27 @@ template std::vector<double> NpyArray::as<double>() const;
 template std::vector<int> NpyArray::as<int>() const;
 template std::vector<std::int64_t> NpyArray::as<std::int64_t>() const;
 
-NpyArray parse_npy(std::string_view content, const FileLocation& where) {
-  const auto byte = [&](std::size_t i) { return as_size(static_cast<unsigned char>(content[i])); };
-  if (content.size() < 12 || content.compare(0, kMagicSize, kMagic, kMagicSize) != 0)
+namespace {
+
+/// Where the items of a file are.
+struct Layout {
+  std::string type;
+  std::vector<std::int64_t> shape;
+  std::size_t begin = 0;  ///< of the items, bytes
+};
+
+/// @param head the file, or as much of its beginning as the header needs @param size of the file, bytes
+Layout parse_header(std::string_view head, std::uint64_t size, const FileLocation& where) {
+  const auto byte = [&](std::size_t i) { return as_size(static_cast<unsigned char>(head[i])); };
+  if (head.size() < 12 || head.compare(0, kMagicSize, kMagic, kMagicSize) != 0)
     fail_at(where, "is not a .npy file (it does not begin with \\x93NUMPY)");
-  const bool first = content[6] == 1;
-  if (!first && content[6] != 2) fail_at(where, "is a .npy file of version {}; supported are 1 and 2", byte(6));
+  const bool first = head[6] == 1;
+  if (!first && head[6] != 2) fail_at(where, "is a .npy file of version {}; supported are 1 and 2", byte(6));
   const std::size_t prefix = first ? 10 : 12;
   const std::size_t length = first ? byte(8) | byte(9) << 8 : byte(8) | byte(9) << 8 | byte(10) << 16 | byte(11) << 24;
-  if (prefix + length > content.size()) fail_at(where, "ends inside its .npy header");
+  if (prefix + length > size) fail_at(where, "ends inside its .npy header");
 
-  const std::string dictionary(content.substr(prefix, std::min<std::size_t>(length, 4096)));
+  const std::string dictionary(head.substr(prefix, std::min<std::size_t>(length, kMaxDictionary)));
   std::smatch descr, shape;
   if (!std::regex_search(dictionary, descr, std::regex("'descr': *'([^']*)'")) ||
       !std::regex_search(dictionary, shape, std::regex("'shape': *\\(([0-9, ]*)\\)")))
@@ -121,21 +132,27 @@ NpyArray parse_npy(std::string_view content, const FileLocation& where) {
   if (!std::regex_search(dictionary, std::regex("'fortran_order': *False")))
     fail_at(where, "is stored in Fortran order; save it with numpy.ascontiguousarray");
 
-  NpyArray array;
-  array.type = descr[1];
-  const std::int64_t item = item_size(array.type);
-  if (item == 0) fail_at(where, "holds items of type '{}'; allowed are <f4 <f8 <i4 <i8 |u1", array.type);
-  array.shape = parse_shape(shape[1], where);
-  const std::int64_t available = static_cast<std::int64_t>(content.size() - prefix - length);
+  Layout layout{descr[1], parse_shape(shape[1], where), prefix + length};
+  const std::int64_t item = item_size(layout.type);
+  if (item == 0) fail_at(where, "holds items of type '{}'; allowed are <f4 <f8 <i4 <i8 |u1", layout.type);
+  const std::int64_t available = static_cast<std::int64_t>(size - layout.begin);
   std::int64_t expected = item;
-  for (std::int64_t axis : array.shape) {
+  for (std::int64_t axis : layout.shape) {
     if (axis != 0 && expected > std::numeric_limits<std::int64_t>::max() / axis)
-      fail_at(where, "states a shape larger than any file: {}", shape_text(array.shape));
+      fail_at(where, "states a shape larger than any file: {}", shape_text(layout.shape));
     expected *= axis;
   }
   if (expected != available)
-    fail_at(where, "needs {} bytes of data (shape {}) but holds {}", expected, shape_text(array.shape), available);
-  array.bytes.assign(content.begin() + static_cast<std::ptrdiff_t>(prefix + length), content.end());
+    fail_at(where, "needs {} bytes of data (shape {}) but holds {}", expected, shape_text(layout.shape), available);
+  return layout;
+}
+
+}  // namespace
+
+NpyArray parse_npy(std::string_view content, const FileLocation& where) {
+  Layout layout = parse_header(content, content.size(), where);
+  NpyArray array{std::move(layout.type), std::move(layout.shape), {}};
+  array.bytes.assign(content.begin() + static_cast<std::ptrdiff_t>(layout.begin), content.end());
   return array;
 }
 
@@ -156,6 +173,31 @@ void write_npy(const std::filesystem::path& path, const float* data, const std::
 
 void write_npy(const std::filesystem::path& path, const double* data, const std::vector<std::int64_t>& shape) {
   write_atomically(path, npy_bytes(data, "<f8", shape));
+}
+
+NpyItems::NpyItems(const std::filesystem::path& path) : path_(path), file_(path, std::ios::binary) {
+  if (!file_) fail("opening {}: {}", path.string(), std::strerror(errno));
+  std::string head(kMaxDictionary + 12, '\0');
+  file_.read(head.data(), static_cast<std::streamsize>(head.size()));
+  head.resize(as_size(file_.gcount()));
+  file_.clear();
+  const Layout layout = parse_header(head, std::filesystem::file_size(path), {path.string()});
+  if (layout.type != "<f4" || layout.shape.empty())
+    fail_at({path.string()}, "holds items of type '{}' and the shape {}; needed are <f4 and at least one axis",
+            layout.type, shape_text(layout.shape));
+  begin_ = static_cast<std::streamoff>(layout.begin);
+  items_ = layout.shape[0];
+  for (std::size_t axis = 1; axis < layout.shape.size(); ++axis) item_size_ *= layout.shape[axis];
+}
+
+std::vector<float> NpyItems::read(std::int64_t item) {
+  if (item < 0 || item >= items_) fail("{} has items 0 to {}, asked for {}", path_.string(), items_ - 1, item);
+  std::vector<float> values(as_size(item_size_));
+  const auto bytes = static_cast<std::streamsize>(values.size() * sizeof(float));
+  file_.seekg(begin_ + item * bytes);
+  file_.read(reinterpret_cast<char*>(values.data()), bytes);
+  if (!file_) fail("reading item {} of {}: the file ends, or the disk failed", item, path_.string());
+  return values;
 }
 
 NpyStream::NpyStream(const std::filesystem::path& path, std::vector<std::int64_t> item_shape)

@@ -1,12 +1,17 @@
 #include "doppel/synth/capture_writer.h"
 
-#include <array>
+#include <fmt/ranges.h>
+
+#include <fstream>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "doppel/character/motion.h"
+#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/capture/video_file.h"
 #include "doppel/detect/keypoints/keypoint_map.h"
+#include "doppel/detect/keypoints/keypoint_table.h"
 
 namespace doppel::synth {
 
@@ -34,99 +39,70 @@ cv::VideoWriter open_video(const fs::path& path, const std::vector<int>& codecs,
 
 std::string three_digits(int number) { return fmt::format("{:03}", number); }
 
-SequenceWriter::SequenceWriter(const fs::path& folder, const std::vector<Camera>& cameras, double fps)
-    : folder_(folder), shots_(cameras.size(), 0), names_(read_keypoint_map("body25").layout.points) {
+CameraFiles::CameraFiles(const fs::path& folder, int camera, bool tables) : stream("stream" + three_digits(camera)) {
+  const std::string number = three_digits(camera);
+  video = folder / "videos" / (stream + ".mp4");
+  masks = folder / "foregroundSegmentation" / (stream + ".mkv");
+  keypoints = folder / "keypoints" / (tables ? number + ".csv" : number);
+  joints = folder / "joints3d" / (number + ".csv");
+}
+
+CameraWriter::CameraWriter(CameraFiles files, const Camera& camera, double fps, bool tables)
+    : files_(std::move(files)),
+      tables_(tables),
+      layout_(read_keypoint_map("body25").layout),
+      joints_("frame,index,name,x_mm,y_mm,z_mm\n") {
   const auto code = cv::VideoWriter::fourcc;
-  for (std::size_t c = 0; c < cameras.size(); ++c) {
-    const cv::Size size(cameras[c].width, cameras[c].height);
-    const std::string stream = "stream" + three_digits(static_cast<int>(c));
-    images_.push_back(open_video(folder / "videos" / (stream + ".mp4"),
-                                 {code('a', 'v', 'c', '1'), code('m', 'p', '4', 'v')}, fps, size, true));
-    masks_.push_back(open_video(folder / "foregroundSegmentation" / (stream + ".mkv"), {code('F', 'F', 'V', '1')}, fps,
-                                size, false));
-    fs::create_directories(folder / "keypoints" / three_digits(static_cast<int>(c)));
-    fs::create_directories(folder / "joints3d");
-    joints_.emplace_back(folder / "joints3d" / (three_digits(static_cast<int>(c)) + ".csv"), std::ios::binary);
-    joints_.back() << "frame,index,name,x_mm,y_mm,z_mm\n";
+  const cv::Size size(camera.width, camera.height);
+  images_ = open_video(files_.video, {code('a', 'v', 'c', '1'), code('m', 'p', '4', 'v')}, fps, size, true);
+  masks_ = open_video(files_.masks, {code('F', 'F', 'V', '1')}, fps, size, false);
+  if (!tables_) fs::create_directories(files_.keypoints);
+}
+
+void CameraWriter::write_shot(const Studio::Shot& shot) {
+  images_.write(shot.image);
+  masks_.write(shot.mask);
+  ++shots_;
+}
+
+void CameraWriter::write_keypoints(int frame, const std::vector<double>& body25) {
+  if (tables_) {
+    Person person;
+    for (std::size_t k = 0; k + 2 < body25.size(); k += 3)
+      person.push_back(
+          {static_cast<float>(body25[k]), static_cast<float>(body25[k + 1]), static_cast<float>(body25[k + 2])});
+    keypoints_[frame] = {std::move(person)};
+    return;
   }
-}
-
-void SequenceWriter::write_shot(int camera, const Studio::Shot& shot) {
-  images_[camera].write(shot.image);
-  masks_[camera].write(shot.mask);
-  ++shots_[camera];
-}
-
-void SequenceWriter::write_keypoints(int camera, int frame, const std::vector<double>& body25) {
   const nlohmann::json person = {{"person_id", {-1}}, {"pose_keypoints_2d", body25}};
   const nlohmann::json file = {{"version", 1.3}, {"people", {person}}};
-  const std::string name = fmt::format("stream{}_{:012}_keypoints.json", three_digits(camera), frame);
-  const fs::path path = folder_ / "keypoints" / three_digits(camera) / name;
-  // The files are not written atomically one by one: the whole folder is renamed at the end, and flushing thousands of
-  // small files takes longer than computing them.
+  const fs::path path = files_.keypoints / fmt::format("{}_{:012}_keypoints.json", files_.stream, frame);
+  // The files are not written atomically one by one: a camera is complete when its table of joints is there, and
+  // flushing thousands of small files takes longer than computing them.
   std::ofstream stream(path, std::ios::binary);
   stream << file.dump() << '\n';
   if (!stream.flush()) fail("writing {}: the disk may be full", path.string());
 }
 
-void SequenceWriter::write_joints(int camera, int frame, const std::vector<Eigen::Vector3d>& points) {
-  std::ofstream& table = joints_[camera];
+void CameraWriter::write_joints(int frame, const std::vector<Eigen::Vector3d>& points) {
   for (std::size_t i = 0; i < points.size(); ++i)
     if (points[i].allFinite())
-      table << fmt::format("{},{},{},{:.2f},{:.2f},{:.2f}\n", frame, i, names_[i], 1e3 * points[i].x(),
-                           1e3 * points[i].y(), 1e3 * points[i].z());
+      joints_ += fmt::format("{},{},{},{:.2f},{:.2f},{:.2f}\n", frame, i, layout_.points[i], 1e3 * points[i].x(),
+                             1e3 * points[i].y(), 1e3 * points[i].z());
 }
 
-void SequenceWriter::write_motion_rows(const Motion& motion) {
-  const fs::path path = folder_ / "skeletoolToGTPose" / "poseAngles.motion";
-  fs::create_directories(path.parent_path());
-  write_motion(path, motion, true);
+void CameraWriter::close() {
+  finish_video(images_, files_.video, shots_);
+  finish_video(masks_, files_.masks, shots_);
+  if (tables_) write_keypoint_table(files_.keypoints, layout_, keypoints_);
+  write_atomically(files_.joints, joints_);
 }
 
-void SequenceWriter::close() {
-  for (std::size_t c = 0; c < images_.size(); ++c) {
-    const std::string stream = "stream" + three_digits(static_cast<int>(c));
-    finish_video(images_[c], folder_ / "videos" / (stream + ".mp4"), shots_[c]);
-    finish_video(masks_[c], folder_ / "foregroundSegmentation" / (stream + ".mkv"), shots_[c]);
-  }
-  for (std::ofstream& table : joints_)
-    if (!table.flush()) fail("writing the tables in {}: the disk may be full", (folder_ / "joints3d").string());
-}
+fs::path motion_rows_file(const fs::path& folder) { return folder / "skeletoolToGTPose" / "poseAngles.motion"; }
 
-std::vector<int> body25_markers(const Skeleton& skeleton) {
-  static const std::array<const char*, 25> kNames{"nose",
-                                                  "neck",
-                                                  "right_shoulder",
-                                                  "right_elbow",
-                                                  "right_wrist",
-                                                  "left_shoulder",
-                                                  "left_elbow",
-                                                  "left_wrist",
-                                                  "mid_hip",
-                                                  "right_hip",
-                                                  "right_knee",
-                                                  "right_ankle",
-                                                  "left_hip",
-                                                  "left_knee",
-                                                  "left_ankle",
-                                                  "right_eye",
-                                                  "left_eye",
-                                                  "right_ear",
-                                                  "left_ear",
-                                                  "left_big_toe",
-                                                  "",
-                                                  "",
-                                                  "right_big_toe",
-                                                  "",
-                                                  ""};
-  std::vector<int> markers;
-  for (const std::string name : kNames) {
-    int found = -1;
-    for (std::size_t m = 0; m < skeleton.markers.size(); ++m)
-      if (skeleton.markers[m].name == name) found = static_cast<int>(m);
-    markers.push_back(found);
-  }
-  return markers;
+void write_motion_rows(const fs::path& folder, const Motion& motion) {
+  fs::create_directories(motion_rows_file(folder).parent_path());
+  write_motion(motion_rows_file(folder), motion, true);
 }
 
 std::vector<std::string> calibration_files(const SynthOptions& options) {
@@ -134,7 +110,8 @@ std::vector<std::string> calibration_files(const SynthOptions& options) {
   return {"cameras.calibration", "cameras.yml"};
 }
 
-std::string capture_yaml(const SynthOptions& options, const std::string& name) {
+std::string capture_yaml(const SynthOptions& options, const std::vector<SequencePlan>& sequences,
+                         const std::string& name) {
   std::string text = fmt::format(
       "doppel_capture: 1\n"
       "name: {}\n"
@@ -145,19 +122,21 @@ std::string capture_yaml(const SynthOptions& options, const std::string& name) {
       "keypoint_map: body25\n"
       "sequences:\n",
       nlohmann::json(name).dump(), calibration_files(options).front(), options.fps);
-  for (const bool training : {true, false}) {
-    const std::string folder = training ? "training" : "testing";
+  const char* keypoints =
+      options.keypoint_tables ? "{camera:03}.csv" : "{camera:03}/stream{camera:03}_{frame:012}_keypoints.json";
+  for (const SequencePlan& sequence : sequences) {
     text += fmt::format(
         "  - name: {0}\n"
         "    split: {1}\n"
         "    videos: {0}/videos/stream{{camera:03}}.mp4\n"
         "    masks: {0}/foregroundSegmentation/stream{{camera:03}}.mkv\n"
         "    mask_threshold: 128\n"
-        "    keypoints: {0}/keypoints/{{camera:03}}/stream{{camera:03}}_{{frame:012}}_keypoints.json\n"
+        "    keypoints: {0}/keypoints/{2}\n"
         "    joints3d: {0}/joints3d/{{camera:03}}.csv\n"
         "    motion: {0}/skeletoolToGTPose/poseAngles.motion\n",
-        folder, training ? "train" : "test");
-    if (training) text += fmt::format("    cuts: [{}]\n", options.frames / 2);
+        sequence.name, sequence.training ? "train" : "test", keypoints);
+    if (const std::vector<int> cuts = sequence.cuts(); !cuts.empty())
+      text += fmt::format("    cuts: [{}]\n", fmt::join(cuts, ", "));
   }
   return text;
 }
@@ -180,7 +159,13 @@ const char* lens_text(Lens lens) {
 
 }  // namespace
 
-std::string readme_text(const SynthOptions& options) {
+std::string readme_text(const SynthOptions& options, const std::vector<SequencePlan>& sequences) {
+  const auto takes = [](const SequencePlan& sequence) {
+    if (sequence.takes.size() == 1) return fmt::format("{} frames", sequence.frames());
+    if (sequence.takes.size() > 2)
+      return fmt::format("{} frames in {} takes", sequence.frames(), sequence.takes.size());
+    return fmt::format("{} frames in two takes (the cut is before frame {})", sequence.frames(), sequence.cuts()[0]);
+  };
   return fmt::format(
       "A synthetic capture, made by `doppel synth`: nobody was filmed, all files are computed.\n"
       "\n"
@@ -188,11 +173,10 @@ std::string readme_text(const SynthOptions& options) {
       "millimetres\n"
       "calibration/                    {} cameras, {}\n"
       "background/NNN.png              the empty studio in camera NNN\n"
-      "training/, testing/             {} frames in two segments (the cut is before frame {}) and {} frames, {} per "
-      "second\n"
+      "training/, testing/             {} and {}, {} per second\n"
       "  videos/streamNNN.mp4          images of camera NNN, {} x {} pixels\n"
       "  foregroundSegmentation/       masks, 0 or 255, lossless\n"
-      "  keypoints/NNN/                landmarks as OpenPose BODY_25 files, noisier where hidden\n"
+      "{}"
       "  joints3d/NNN.csv              the same in 3D, as a network would estimate them from camera NNN\n"
       "  skeletoolToGTPose/            the poses\n"
       "ground_truth/<sequence>/        vertices.npy: the true surface, float32 [frames, vertices, 3], world metres\n"
@@ -203,8 +187,12 @@ std::string readme_text(const SynthOptions& options) {
       "(0.5, 0.5). Frame f of a video is row f of the motion and of the vertices. {}: the surface depends on the "
       "movement, not on the pose alone.\n"
       "Seed {}.\n",
-      options.cameras, lens_text(options.lens), options.frames, options.frames / 2, options.test_frames, options.fps,
-      options.size, options.size, clothes_text(options.cloth.model), options.seed);
+      options.cameras, lens_text(options.lens), takes(sequences[0]), takes(sequences[1]), options.fps, options.size,
+      options.size,
+      options.keypoint_tables
+          ? "  keypoints/NNN.csv             landmarks as points of BODY_25, noisier where hidden\n"
+          : "  keypoints/NNN/                landmarks as OpenPose BODY_25 files, noisier where hidden\n",
+      clothes_text(options.cloth.model), options.seed);
 }
 
 }  // namespace doppel::synth

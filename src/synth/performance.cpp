@@ -5,9 +5,9 @@
 #include <cmath>
 #include <string>
 
-#include "doppel/core/error.h"
 #include "doppel/core/random.h"
 #include "doppel/synth/body_field.h"
+#include "doppel/synth/movements.h"
 
 namespace doppel::synth {
 
@@ -16,49 +16,6 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kTwoPi = 6.283185307179586;
-
-/// A sum of three sinusoids of random frequency and phase, within [-1, 1].
-class Wave {
- public:
-  Wave(Random& random, double slowest, double fastest) {
-    for (Term& term : terms_) term = {random.uniform(slowest, fastest), random.uniform(0, kTwoPi)};
-  }
-  double operator()(double t) const {
-    double sum = 0;
-    for (std::size_t k = 0; k < terms_.size(); ++k)
-      sum += kShare[k] * std::sin(kTwoPi * terms_[k].hertz * t + terms_[k].phase);
-    return sum;
-  }
-
- private:
-  struct Term {
-    double hertz = 0, phase = 0;
-  };
-  static constexpr std::array<double, 3> kShare{0.5, 0.3, 0.2};
-  std::array<Term, 3> terms_;
-};
-
-/// A pose under construction, by DoF name.
-class Pose {
- public:
-  explicit Pose(const Skeleton& skeleton) : skeleton_(skeleton), dofs(skeleton.num_dofs(), 0.0) {}
-
-  double& operator[](const std::string& name) {
-    const auto index = skeleton_.find_dof(name);
-    if (!index) fail("making a motion: the skeleton has no DoF '{}'", name);
-    return dofs[*index];
-  }
-  void keep_limits() {
-    for (int d = 0; d < skeleton_.num_dofs(); ++d)
-      if (const auto& limits = skeleton_.dofs[d].limits) dofs[d] = std::clamp(dofs[d], (*limits)[0], (*limits)[1]);
-  }
-
- private:
-  const Skeleton& skeleton_;
-
- public:
-  std::vector<double> dofs;
-};
 
 /// A movement of the legs over some time, faded in and out.
 struct Step {
@@ -70,34 +27,6 @@ struct Step {
     return smooth_step(begin - fade, begin + fade, t) * (1 - smooth_step(end - fade, end + fade, t));
   }
 };
-
-const std::array<const char*, 2> kSides{"Left", "Right"};
-
-void bend_legs(Pose& pose, double amount) {
-  for (const std::string side : kSides) {
-    pose[side + "UpLeg_rx"] += 1.05 * amount;
-    pose[side + "UpLeg_rz"] += 0.14 * amount;
-    pose[side + "Leg_rx"] += 1.4 * amount;
-    pose[side + "Foot_rx"] += 0.63 * amount;  // 0.28 - 1.05 + 1.4 - 0.63 = 0: the soles stay level
-  }
-  pose["Root_rx"] += 0.28 * amount;
-  pose["Root_tz"] -= 0.06 * amount;
-}
-
-void walk(Pose& pose, double phase, double amount) {
-  for (int s = 0; s < 2; ++s) {
-    const std::string side = kSides[s];
-    const double swing = std::sin(phase + (s == 0 ? 0 : kTwoPi / 2));
-    const double lift = std::pow(std::max(0.0, std::sin(phase + (s == 0 ? 0.5 : 0.5 + kTwoPi / 2))), 2.0);
-    pose[side + "UpLeg_rx"] += amount * (0.34 * swing + 0.25 * lift);
-    pose[side + "Leg_rx"] += amount * (0.12 + 0.95 * lift);
-    pose[side + "Foot_rx"] += amount * (0.12 - 0.34 * swing * (1 - lift) - 0.25 * lift);
-    pose[side + "Arm_rx"] -= 0.4 * amount * swing;
-    pose[side + "ForeArm_rx"] += 0.25 * amount * (1 - swing);
-  }
-  pose["Root_rz"] += 0.04 * amount * std::cos(phase);
-  pose["Root_ry"] += 0.10 * amount * std::sin(phase);
-}
 
 /// A generated motion as a function of time.
 class Performance {
@@ -173,24 +102,12 @@ class Performance {
       case Step::squat:
         bend_legs(pose, amount * (0.5 - 0.5 * std::cos(kTwoPi * 0.75 * s)));
         break;
-      case Step::jump: {
-        // Down, off the floor, down again: one cycle of 0.9 s, in the air for 0.36 s of it.
-        const double cycle = s / 0.9 - std::floor(s / 0.9);
-        const double flight = std::max(0.0, std::sin(kTwoPi * std::clamp((cycle - 0.3) / 0.8, 0.0, 0.5)));
-        bend_legs(pose, amount * 0.42 * (0.5 + 0.5 * std::cos(kTwoPi * cycle)));
-        height += 0.13 * amount * flight * flight;
+      case Step::jump:
+        height += jump(pose, s, amount);
         break;
-      }
-      case Step::sway: {
-        const double turn = std::sin(kTwoPi * 0.85 * s + step.phase);
-        pose["Root_ry"] += 0.55 * amount * turn;
-        pose["Root_rz"] += 0.10 * amount * std::cos(kTwoPi * 0.85 * s + step.phase);
-        // The feet stay behind while the hips twist.
-        for (const std::string side : kSides)
-          pose[side + "UpLeg_ry"] += (side == "Left" ? -0.35 : 0.35) * amount * turn;
-        bend_legs(pose, 0.12 * amount);
+      case Step::sway:
+        sway(pose, s, step.phase, amount);
         break;
-      }
       case Step::kinds:
         break;
     }
@@ -207,15 +124,13 @@ class Performance {
 
 }  // namespace
 
-void put_on_floor(const Skeleton& skeleton, std::vector<double>& dofs, double height) {
+double sole_height(const Skeleton& skeleton, const std::vector<double>& dofs) {
   static const std::array<Vector3d, 4> kSole{Vector3d(0.105, 0, -0.09), Vector3d(0.12, 0, 0.19),
                                              Vector3d(0.07, 0, 0.09), Vector3d(0.165, 0, 0.09)};
   // The feet of another body are as much larger as its bone from ankle to toe. Computed as in make_skeleton, so that
   // the factors of the actor's own body are exactly 1.
   const Vector3d own_toe = (BodyPlan::toe() - BodyPlan::root()) - (BodyPlan::ankle() - BodyPlan::root());
   const Vector3d larger = skeleton.joints[*skeleton.find_joint("LeftFootEE")].offset.cwiseQuotient(own_toe);
-  const int lift = *skeleton.find_dof("Root_ty");
-  dofs[lift] = 0;
   const auto world_from_joint = skeleton.pose(dofs);
   // A soft minimum, so that the root does not jump when the weight shifts from one foot to the other.
   constexpr double kSoftness = 0.008;
@@ -229,7 +144,13 @@ void put_on_floor(const Skeleton& skeleton, std::vector<double>& dofs, double he
               .y();
       sum += std::exp(-y / kSoftness);
     }
-  dofs[lift] = height + kSoftness * std::log(sum / 4);
+  return -kSoftness * std::log(sum / 4);
+}
+
+void put_on_floor(const Skeleton& skeleton, std::vector<double>& dofs, double height) {
+  const int lift = *skeleton.find_dof("Root_ty");
+  dofs[lift] = 0;
+  dofs[lift] = height - sole_height(skeleton, dofs);
 }
 
 Motion make_motion(const Skeleton& skeleton, int frames, double fps, std::uint64_t seed, double turn) {

@@ -14,6 +14,8 @@ namespace doppel::synth {
 /// @param turn mean speed of the turn about the vertical axis, radians per second
 Motion make_motion(const Skeleton& skeleton, int frames, double fps, std::uint64_t seed, double turn = 0.0);
 
+/// The height of the lower sole, metres: a soft minimum over the points of both soles.
+double sole_height(const Skeleton& skeleton, const std::vector<double>& dofs);
 /// Moves the root vertically so that the lower sole touches y = `height`.
 void put_on_floor(const Skeleton& skeleton, std::vector<double>& dofs, double height = 0);
 

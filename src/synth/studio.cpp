@@ -199,18 +199,20 @@ float Studio::State::key_share(const Vector3f& point) const {
   if (column < 3 || row < 3 || column >= size - 3 || row >= size - 3) return 1;
   const float limit = static_cast<float>(p.z()) - 0.02f;
   const float fu = static_cast<float>(u - column), fv = static_cast<float>(v - row);
-  float lit = 0;
+  const auto in_light = [&](int dy, int dx) { return shadow_depth[as_size(row + dy) * size + column + dx] > limit; };
+  int lit_texels = 0;
+  for (int dy = -2; dy <= 2; ++dy)
+    for (int dx = -2; dx <= 2; ++dx) lit_texels += in_light(dy, dx) ? 1 : 0;
+  if (lit_texels == 0 || lit_texels == 25) return lit_texels == 0 ? 0.0f : 1.0f;
+  float lit = 0, total = 0;
   for (int dy = -2; dy <= 2; ++dy)
     for (int dx = -2; dx <= 2; ++dx) {
       // A tent filter around the point, so that the penumbra has no steps.
       const float weight =
           std::max(0.0f, 2.5f - std::abs(dx + 0.5f - fu)) * std::max(0.0f, 2.5f - std::abs(dy + 0.5f - fv));
-      lit += weight * (shadow_depth[as_size(row + dy) * size + column + dx] > limit ? 1.0f : 0.0f);
+      lit += weight * (in_light(dy, dx) ? 1.0f : 0.0f);
+      total += weight;
     }
-  float total = 0;
-  for (int dy = -2; dy <= 2; ++dy)
-    for (int dx = -2; dx <= 2; ++dx)
-      total += std::max(0.0f, 2.5f - std::abs(dx + 0.5f - fu)) * std::max(0.0f, 2.5f - std::abs(dy + 0.5f - fv));
   return lit / total;
 }
 
@@ -292,10 +294,10 @@ void Studio::State::light_rows(int camera, std::uint64_t key, Shot& shot, int be
     }
 }
 
-std::vector<Camera> make_cameras(int count, int size, std::uint64_t seed, Lens lens) {
+std::vector<Camera> make_cameras(int count, int size, std::uint64_t seed, Lens lens, double room) {
   if (lens == Lens::polynomial) fail<UsageError>("doppel synth: the lenses are pinhole and fisheye");
   const bool fisheye = lens == Lens::fisheye;
-  const double distance = fisheye ? 2.2 : 4.3, focal_per_side = fisheye ? 0.6 : 1.72;
+  const double distance = (fisheye ? 2.2 : 4.3) + 1.6 * room, focal_per_side = fisheye ? 0.6 : 1.72;
   Random random(hash_bits(seed ^ 0xca3e7a));
   std::vector<Camera> cameras;
   for (int c = 0; c < count; ++c) {

@@ -20,8 +20,9 @@ struct StudioOptions {
 /// Cameras on a ring around the centre of the floor, alternately at two heights, with slightly different focal lengths,
 /// principal points and directions. Images are square with a side of `size` pixels; the actor never touches the border.
 /// @param lens opencv: without distortion; fisheye: action cameras, 95 degrees from side to side, half as far away
+/// @param room metres that the actor goes away from the centre; the cameras are farther away for it
 /// @throws UsageError for another lens
-std::vector<Camera> make_cameras(int count, int size, std::uint64_t seed, Lens lens = Lens::opencv);
+std::vector<Camera> make_cameras(int count, int size, std::uint64_t seed, Lens lens = Lens::opencv, double room = 0);
 
 /// A green studio with one key light and ambient light, in which the actor is filmed.
 class Studio {

@@ -62,6 +62,30 @@ TEST(NpyRejects, IntegersThatDoNotFit) {
   EXPECT_THROW(array.as<int>(), Error);
 }
 
+TEST(NpyItems, ReadsWhatTheStreamWroteInAnyOrder) {
+  const TemporaryFolder folder;
+  NpyStream stream(folder / "s.npy", {2, 3});
+  for (int item = 0; item < 5; ++item) stream.append(std::vector<float>(6, static_cast<float>(item)));
+  stream.close();
+  NpyItems items(folder / "s.npy");
+  ASSERT_EQ(items.size(), 5);
+  for (const int item : {4, 0, 3}) EXPECT_EQ(items.read(item), std::vector<float>(6, static_cast<float>(item)));
+  EXPECT_THROW(items.read(5), Error);
+  EXPECT_THROW(items.read(-1), Error);
+}
+
+TEST(NpyItems, RefusesOtherTypesAndTruncatedFiles) {
+  const TemporaryFolder folder;
+  const std::vector<double> values(6, 1.0);
+  write_npy(folder / "d.npy", values.data(), {2, 3});
+  EXPECT_THROW(NpyItems(folder / "d.npy"), FileError);
+  const std::vector<float> floats(6, 1.0f);
+  const std::string whole = npy_bytes(floats.data(), "<f4", {2, 3});
+  write_atomically(folder / "t.npy", whole.substr(0, whole.size() - 1));
+  EXPECT_THROW(NpyItems(folder / "t.npy"), FileError);
+  EXPECT_THROW(NpyItems(folder / "missing.npy"), Error);
+}
+
 TEST(NpyRejects, EveryTruncation) {
   const TemporaryFolder folder;
   const std::vector<float> values(7, 1.0f);

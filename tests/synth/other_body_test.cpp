@@ -148,9 +148,10 @@ synth::SynthOptions short_capture(const std::string& body) {
 
 TEST(OtherBody, IsFilmedAsPlausiblyAsTheActor) {
   const support::TemporaryFolder folder;
-  const double own = synth::write_synthetic_capture(folder / "own", short_capture(synth::kOwnBody)).skinning_iou;
+  const double own =
+      synth::write_synthetic_capture(folder / "own", short_capture(synth::kOwnBody)).value().skinning_iou;
   for (const char* body : {"random:2", "random:5"}) {
-    const synth::SynthReport report = synth::write_synthetic_capture(folder / body, short_capture(body));
+    const synth::SynthReport report = synth::write_synthetic_capture(folder / body, short_capture(body)).value();
     EXPECT_NEAR(report.skinning_iou, own, 0.05) << body;
     const Character written = load_character(folder / body / "character" / "actor.character");
     EXPECT_NEAR((written.mesh.vertices[0] - actor_with(synth::measures_of(body)).character.mesh.vertices[0]).norm(), 0,

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <fstream>
 #include <map>
@@ -13,6 +14,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
 #include <set>
+#include <thread>
 
 #include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/character/landmarks.h"
@@ -28,6 +30,8 @@
 #include "doppel/synth/body_field.h"
 #include "doppel/synth/capture_writer.h"
 #include "doppel/synth/performance.h"
+#include "doppel/synth/repertoire.h"
+#include "doppel/synth/simulated_detector.h"
 #include "doppel/synth/studio.h"
 #include "support/temporary_folder.h"
 
@@ -379,11 +383,33 @@ std::vector<cv::Mat> video_frames(const fs::path& path) {
 
 std::string text_of(const fs::path& path) { return read_file(path); }
 
+/// Compares all files of two captures of the same options.
+void expect_same_capture(const fs::path& root, const fs::path& other) {
+  int files = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(root)) {
+    if (!entry.is_regular_file()) continue;
+    const fs::path relative = fs::relative(entry.path(), root);
+    ++files;
+    if (relative.extension() == ".mkv" || relative.extension() == ".mp4") {
+      const auto a = video_frames(entry.path()), b = video_frames(other / relative);
+      ASSERT_EQ(a.size(), b.size()) << relative;
+      // Masks are lossless and must be equal. The H.264 encoder turns equal images into slightly different ones from
+      // one run to the next; that the images it is given are equal is tested above.
+      const double allowed = relative.extension() == ".mkv" ? 0 : 4;
+      for (std::size_t f = 0; f < a.size(); ++f)
+        EXPECT_LE(cv::norm(a[f], b[f], cv::NORM_L1) / static_cast<double>(3 * a[f].total()), allowed) << relative;
+    } else {
+      EXPECT_EQ(text_of(entry.path()), text_of(other / relative)) << relative;
+    }
+  }
+  EXPECT_GT(files, 30);
+}
+
 class SynthCapture : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = new support::TemporaryFolder;
-    report_ = write_synthetic_capture(folder_->path() / "a", shortest());
+    report_ = write_synthetic_capture(folder_->path() / "a", shortest()).value();
   }
   static void TearDownTestSuite() { delete folder_; }
   static fs::path root() { return folder_->path() / "a"; }
@@ -472,29 +498,151 @@ TEST_F(SynthCapture, MasksShowTheGroundTruth) {
 }
 
 TEST_F(SynthCapture, IsTheSameForTheSameSeedWithOtherThreads) {
-  const int threads = at::get_num_threads();
-  at::set_num_threads(threads == 1 ? 2 : 1);
+  SynthOptions options = shortest();
+  options.threads = 3;
   const fs::path other = folder_->path() / "b" / "a";
-  write_synthetic_capture(other, shortest());
-  at::set_num_threads(threads);
-  int files = 0;
-  for (const auto& entry : fs::recursive_directory_iterator(root())) {
-    if (!entry.is_regular_file()) continue;
-    const fs::path relative = fs::relative(entry.path(), root());
-    ++files;
-    if (relative.extension() == ".mkv" || relative.extension() == ".mp4") {
-      const auto a = video_frames(entry.path()), b = video_frames(other / relative);
-      ASSERT_EQ(a.size(), b.size()) << relative;
-      // Masks are lossless and must be equal. The H.264 encoder turns equal images into slightly different ones from
-      // one run to the next; that the images it is given are equal is tested above.
-      const double allowed = relative.extension() == ".mkv" ? 0 : 4;
-      for (std::size_t f = 0; f < a.size(); ++f)
-        EXPECT_LE(cv::norm(a[f], b[f], cv::NORM_L1) / static_cast<double>(3 * a[f].total()), allowed) << relative;
-    } else {
-      EXPECT_EQ(text_of(entry.path()), text_of(other / relative)) << relative;
+  ASSERT_TRUE(write_synthetic_capture(other, options));
+  expect_same_capture(root(), other);
+}
+
+TEST_F(SynthCapture, GoesOnWhereItWasStopped) {
+  const fs::path other = folder_->path() / "d" / "a", making = folder_->path() / "d" / ".a.making";
+  const fs::path first = making / "training/joints3d/000.csv";
+  std::atomic<bool> done{false};
+  std::thread stopper([&] {
+    while (!done && !fs::exists(first)) std::this_thread::yield();
+    request_stop();
+  });
+  const bool complete = write_synthetic_capture(other, shortest()).has_value();
+  done = true;
+  stopper.join();
+  request_stop(false);
+  ASSERT_FALSE(complete);
+  EXPECT_FALSE(fs::exists(other));
+  EXPECT_FALSE(fs::exists(making / "testing/joints3d/001.csv")) << "stopped too late to test anything";
+  const auto written = fs::last_write_time(first);
+  SynthOptions others = shortest();
+  others.seed = 2;
+  EXPECT_THROW(write_synthetic_capture(other, others), UsageError) << "an unfinished capture of other options";
+  ASSERT_TRUE(write_synthetic_capture(other, shortest()));
+  EXPECT_FALSE(fs::exists(making));
+  EXPECT_EQ(fs::last_write_time(other / "training/joints3d/000.csv"), written) << "filmed again";
+  expect_same_capture(root(), other);
+}
+
+TEST_F(SynthCapture, ForceRemovesAnUnfinishedCaptureOfOtherOptions) {
+  const fs::path other = folder_->path() / "e" / "a", making = folder_->path() / "e" / ".a.making";
+  fs::create_directories(making / "training/joints3d");
+  std::ofstream(making / "work.txt") << "other work\n";
+  std::ofstream(making / "training/joints3d/000.csv") << "of another capture\n";
+  SynthOptions forced = shortest();
+  EXPECT_THROW(write_synthetic_capture(other, forced), UsageError);
+  forced.force = true;
+  ASSERT_TRUE(write_synthetic_capture(other, forced));
+  expect_same_capture(root(), other);
+}
+
+TEST_F(SynthCapture, HasTakesOfMotionFiles) {
+  const Character& character = tiny_actor().character;
+  Motion clip = make_motion(character.skeleton, 5, 25, 77);
+  const int lift = *character.skeleton.find_dof("Root_ty"), along = *character.skeleton.find_dof("Root_tx");
+  for (std::vector<double>& dofs : clip.frames) dofs[lift] += 3.0, dofs[along] += 20.0;
+  write_motion(folder_->path() / "clip.motion", clip, true);
+  SynthOptions options = shortest();
+  options.frames = 0;
+  options.clips = {folder_->path() / "clip.motion"};
+  options.test_clips = options.clips;
+  const SynthReport report = write_synthetic_capture(folder_->path() / "f", options).value();
+  EXPECT_EQ(report.frames, 5);
+  EXPECT_EQ(report.takes, 1);
+  EXPECT_EQ(report.test_frames, 3 + 5);
+  const Capture capture = read_capture(folder_->path() / "f/capture.yaml");
+  EXPECT_TRUE(capture.sequences[0].cuts.empty());
+  EXPECT_EQ(capture.sequences[1].cuts, (std::vector<long>{3}));
+  const Motion motion = read_motion(folder_->path() / "f/training/skeletoolToGTPose/poseAngles.motion", 33);
+  double lowest = 9;
+  for (int f = 0; f < 5; ++f) {
+    lowest = std::min(lowest, sole_height(character.skeleton, motion.frames[f]));
+    EXPECT_LT(std::abs(motion.frames[f][along]), 0.6) << "outside of the studio";
+    for (int dof = 0; dof < 33; ++dof)
+      if (!character.skeleton.dofs[dof].name.starts_with("Root_t")) {
+        EXPECT_NEAR(motion.frames[f][dof], clip.frames[f][dof], 1e-9) << character.skeleton.dofs[dof].name;
+      }
+  }
+  EXPECT_NEAR(lowest, 0, 1e-6);
+}
+
+TEST(SynthPlan, CutsLongSequencesIntoTakes) {
+  const std::vector<SequencePlan> plans = plan_sequences(SynthOptions::preset("studio"), tiny_actor().character);
+  ASSERT_EQ(plans.size(), 2u);
+  EXPECT_EQ(plans[0].takes.size(), 12u);
+  EXPECT_EQ(plans[0].cuts().front(), 250);
+  EXPECT_EQ(plans[0].cuts().back(), 2750);
+  EXPECT_EQ(plans[1].frames(), 500);
+  std::set<std::uint64_t> seeds;
+  for (const SequencePlan& plan : plans)
+    for (const TakePlan& take : plan.takes) seeds.insert(take.seed);
+  EXPECT_EQ(seeds.size(), 14u) << "two takes are the same";
+}
+
+TEST(SynthRepertoire, StaysInTheStudioWithinLimitsAndSmooth) {
+  const Skeleton skeleton = make_skeleton();
+  const SynthOptions options = SynthOptions::preset("studio");
+  const std::vector<Camera> cameras = make_cameras(12, 512, 1, Lens::opencv, options.room);
+  std::set<int> headings;
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    const Motion motion = make_varied_motion(skeleton, 750, 25, seed, options.room);
+    ASSERT_EQ(motion.num_frames(), 750);
+    for (int f = 0; f < motion.num_frames(); ++f) {
+      EXPECT_GT(sole_height(skeleton, motion.frames[f]), -1e-9);
+      for (const auto& joint : skeleton.pose(motion.frames[f]))
+        for (const Camera& camera : cameras) {
+          const Vector2d pixel = camera.project(joint.translation());
+          // Twelve pixels for what is around a joint: a hand, the hem of the skirt.
+          ASSERT_GT(pixel.minCoeff(), 12) << "frame " << f << " of seed " << seed;
+          ASSERT_LT(pixel.maxCoeff(), 500) << "frame " << f << " of seed " << seed;
+        }
+      const double heading = motion.frames[f][*skeleton.find_dof("Root_ry")];
+      headings.insert(static_cast<int>(std::floor(std::remainder(heading, 2 * M_PI) / (M_PI / 4))));
+      for (int d = 0; d < skeleton.num_dofs(); ++d) {
+        if (const auto& limits = skeleton.dofs[d].limits) {
+          EXPECT_GE(motion.frames[f][d], (*limits)[0]);
+          EXPECT_LE(motion.frames[f][d], (*limits)[1]);
+        }
+        if (f == 0) continue;
+        EXPECT_LT(std::abs(motion.frames[f][d] - motion.frames[f - 1][d]), 0.5) << skeleton.dofs[d].name;
+      }
     }
   }
-  EXPECT_GT(files, 30);
+  EXPECT_EQ(headings.size(), 8u) << "the person faces all ways";
+}
+
+/// The distance that the foot which moves less moves along the floor from one frame to the next, metres.
+double slide_of(const Skeleton& skeleton, const Motion& motion, int frame) {
+  const auto before = skeleton.pose(motion.frames[frame - 1]), now = skeleton.pose(motion.frames[frame]);
+  double shorter = 9;
+  for (const std::string side : {"Left", "Right"}) {
+    const int ankle = *skeleton.find_joint(side + "Foot_rz"), toe = *skeleton.find_joint(side + "FootEE");
+    const Vector3d moved = 0.5 * (now[ankle].translation() - before[ankle].translation() + now[toe].translation() -
+                                  before[toe].translation());
+    shorter = std::min(shorter, std::hypot(moved.x(), moved.z()));
+  }
+  return shorter;
+}
+
+TEST(SynthRepertoire, AFootStandsWhileThePersonTravels) {
+  const Skeleton skeleton = make_skeleton();
+  const Motion motion = make_varied_motion(skeleton, 750, 25, 4, 0.5);
+  std::vector<double> slides;
+  double way = 0;
+  const auto root = [&](int f, const char* dof) { return motion.frames[f][*skeleton.find_dof(dof)]; };
+  for (int f = 1; f < motion.num_frames(); ++f) {
+    slides.push_back(slide_of(skeleton, motion, f));
+    way += std::hypot(root(f, "Root_tx") - root(f - 1, "Root_tx"), root(f, "Root_tz") - root(f - 1, "Root_tz"));
+  }
+  std::sort(slides.begin(), slides.end());
+  EXPECT_GT(way, 5.0) << "metres in half a minute";
+  EXPECT_LT(slides[slides.size() / 2], 0.004) << "metres a frame";
 }
 
 TEST_F(SynthCapture, TakesAnotherCourseForAnotherSeed) {
@@ -537,10 +685,10 @@ TEST(SynthRejects, OptionsOutOfRange) {
   EXPECT_THROW(make_cameras(1, 96, 1, Lens::polynomial), UsageError);
 }
 
-TEST(SynthRejects, LeavesNothingBehindWhenStopped) {
+TEST(SynthRejects, LeavesNothingBehindWhenNothingIsComplete) {
   const support::TemporaryFolder folder;
   request_stop();
-  EXPECT_THROW(write_synthetic_capture(folder.path() / "x", shortest()), Error);
+  EXPECT_FALSE(write_synthetic_capture(folder.path() / "x", shortest()));
   request_stop(false);
   EXPECT_TRUE(fs::is_empty(folder.path()));
 }

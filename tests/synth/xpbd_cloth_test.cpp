@@ -497,9 +497,11 @@ TEST(ClothModel, IsChosenByName) {
   EXPECT_THROW(cloth_model("silk"), UsageError);
   SynthOptions options = SynthOptions::preset("tiny");
   EXPECT_EQ(options.cloth.model, ClothModel::springs) << "the default";
-  EXPECT_NE(readme_text(options).find("with inertia, drag and\nsprings, and hang wider"), std::string::npos);
+  EXPECT_EQ(SynthOptions::preset("studio").cloth.model, ClothModel::xpbd);
+  const std::vector<SequencePlan> plans{{"training", true, {{24, 1, {}}}}, {"testing", false, {{12, 2, {}}}}};
+  EXPECT_NE(readme_text(options, plans).find("with inertia, drag and\nsprings, and hang wider"), std::string::npos);
   options.cloth.model = ClothModel::xpbd;
-  EXPECT_NE(readme_text(options).find("The clothes (xpbd) hardly stretch"), std::string::npos);
+  EXPECT_NE(readme_text(options, plans).find("The clothes (xpbd) hardly stretch"), std::string::npos);
 }
 
 TEST(ClothModel, SpringsAreTheDefaultAndUnchanged) {

@@ -109,6 +109,20 @@ TEST_F(Shards, OfAPreparationBecomeTheSameBytes) {
   EXPECT_EQ(summary["out"], at("again"));
 }
 
+TEST_F(Shards, OfASyntheticCaptureBecomeTheSameFiles) {
+  const std::string command = "synth --preset tiny --cameras 2 --size 64 --frames 4 --test-frames 2";
+  const Files expected = whole(command), found = merged(command, 3);
+  EXPECT_FALSE(fs::exists(part(0) + "/capture.yaml")) << "a part is no capture";
+  EXPECT_FALSE(fs::exists(part(0) + "/training/joints3d/001.csv")) << "the camera of another shard";
+  for (const auto& [name, content] : expected) {
+    ASSERT_TRUE(found.count(name)) << name << " is missing";
+    // Encoders do not give the same bytes each time.
+    const bool video = name.ends_with(".mp4") || name.ends_with(".mkv");
+    EXPECT_TRUE(video ? !found.at(name).empty() : found.at(name) == content) << name << " differs";
+  }
+  EXPECT_EQ(found.size(), expected.size());
+}
+
 TEST_F(Shards, MayBeMoreThanUnits) {
   expect_merged_as_whole("track points " + capture(), 3);
   fs::remove_all(at("parts"));

@@ -1,0 +1,75 @@
+#include "doppel/synth/making_folder.h"
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/core/temporary_name.h"
+
+namespace doppel::synth {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kWorkFile[] = "work.txt";
+
+}  // namespace
+
+MakingFolder::MakingFolder(const fs::path& target, const std::string& work, bool force)
+    : target_(fs::absolute(target).lexically_normal()) {
+  if (!target_.has_filename()) target_ = target_.parent_path();
+  find_target(force);
+  making_ = target_.parent_path() / ("." + target_.filename().string() + ".making");
+  lock_.emplace(making_);
+  find_rest(work, force);
+  write_atomically(making_ / kWorkFile, work);
+}
+
+MakingFolder::~MakingFolder() {
+  lock_.reset();
+  std::error_code ignored;
+  if (!kept_) fs::remove_all(making_, ignored);
+}
+
+void MakingFolder::find_target(bool force) {
+  if (!fs::exists(target_) || (fs::is_directory(target_) && fs::is_empty(target_))) return;
+  if (!force)
+    fail<UsageError>("doppel synth: {} exists and is not empty; name another folder, or give --force",
+                     target_.string());
+  // Only folders that `doppel synth` made are deleted.
+  if (!fs::exists(target_ / "capture.yaml") || !fs::exists(target_ / "ground_truth"))
+    fail<UsageError>("doppel synth: {} is not a synthetic capture, so --force does not replace it; name another folder",
+                     target_.string());
+}
+
+void MakingFolder::find_rest(const std::string& work, bool force) {
+  if (!fs::exists(making_ / kWorkFile)) return;
+  kept_ = true;
+  if (read_file(making_ / kWorkFile) == work) {
+    log::info("going on with {}, which a run of this command has left", making_.string());
+    for (const auto& entry : fs::recursive_directory_iterator(making_))
+      if (entry.is_directory()) remove_temporaries(entry.path(), [](const std::string&) { return true; });
+    return;
+  }
+  if (!force)
+    fail<UsageError>(
+        "doppel synth: {} holds an unfinished capture of other options; repeat that command to complete it, or give "
+        "--force to remove it",
+        making_.string());
+  kept_ = false;
+  for (const auto& entry : fs::directory_iterator(making_)) {
+    if (entry.is_directory()) fs::remove_all(entry.path());
+  }
+}
+
+void MakingFolder::put_in_place() {
+  const fs::path old = making_.string() + "-old";
+  const bool replaces = fs::exists(target_);
+  fs::remove(making_ / kWorkFile);
+  lock_.reset();
+  if (replaces) fs::rename(target_, old);
+  fs::rename(making_, target_);
+  if (replaces) fs::remove_all(old);
+}
+
+}  // namespace doppel::synth

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "doppel/core/folder_lock.h"
+
+namespace doppel::synth {
+
+/// The folder in which a capture is made: `.NAME.making` beside its final place, where it is moved when it is complete.
+/// A run that was stopped or killed leaves it, and the next run of the same work goes on in it.
+class MakingFolder {
+ public:
+  /// @param work what is made; compared with that of a folder which an earlier run has left
+  /// @param force replace a synthetic capture in `target`, and the rest of other work
+  /// @throws UsageError when `target` is not empty and not to be replaced, or when other work was left
+  /// @throws Error when another process makes this capture
+  MakingFolder(const std::filesystem::path& target, const std::string& work, bool force);
+  /// Removes the folder if nothing in it is worth keeping.
+  ~MakingFolder();
+  MakingFolder(const MakingFolder&) = delete;
+  MakingFolder& operator=(const MakingFolder&) = delete;
+
+  const std::filesystem::path& path() const { return making_; }
+  std::string name() const { return target_.filename().string(); }
+  /// Something has been made that the next run need not make again.
+  void keep() { kept_ = true; }
+  bool kept() const { return kept_; }
+  /// Moves the complete capture to its place.
+  void put_in_place();
+
+ private:
+  void find_target(bool force);
+  /// Takes over what an earlier run has left, or removes it.
+  void find_rest(const std::string& work, bool force);
+
+  std::filesystem::path target_, making_;
+  bool kept_ = false;
+  std::optional<FolderLock> lock_;
+};
+
+}  // namespace doppel::synth
