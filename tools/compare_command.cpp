@@ -33,9 +33,20 @@ struct Metric {
   const char* key;
   int digits;
 };
-constexpr Metric kMetrics[] = {
-    {"AMVIoU", 4}, {"vertex_error_mm", 2}, {"Hausdorff_mm", 2}, {"MSE", 2},       {"PSNR", 2},
-    {"SSIM", 4},   {"LPIPS", 4},           {"flicker", 2},      {"whole_MSE", 2}, {"scan_distance_mm", 2}};
+constexpr Metric kMetrics[] = {{"AMVIoU", 4},
+                               {"vertex_error_mm", 2},
+                               {"Hausdorff_mm", 2},
+                               {"normal_error_deg", 2},
+                               {"roughness_error_mm", 2},
+                               {"roughness_ratio", 3},
+                               {"border_length_ratio", 3},
+                               {"MSE", 2},
+                               {"PSNR", 2},
+                               {"SSIM", 4},
+                               {"LPIPS", 4},
+                               {"flicker", 2},
+                               {"whole_MSE", 2},
+                               {"scan_distance_mm", 2}};
 
 Json read_evaluation(const fs::path& run, const std::string& split) {
   const fs::path file = RunFolder(run).evaluation();

@@ -17,7 +17,6 @@
 #include "doppel/eval/lpips.h"
 #include "doppel/eval/pose_evaluation.h"
 #include "doppel/eval/tracked_evaluation.h"
-#include "doppel/render/mesh/face_tensor.h"
 #include "doppel/train/stage_chain.h"
 #include "doppel/train/stage_table.h"
 #include "shared_work.h"
@@ -84,9 +83,9 @@ void measure_skinning(const Dataset& dataset, Subject& subject, Split split, con
   const auto skinned = [&](const std::vector<SampleId>& samples) {
     return subject.surface->skinned(dataset.dof_windows(samples, 0).squeeze(1));
   };
-  rows["skinning"] = evaluate_surface(dataset, split, face_tensor(subject.character().mesh), skinned, options,
-                                      "skinning, " + to_string(split))
-                         .to_json();
+  rows["skinning"] =
+      evaluate_surface(dataset, split, subject.character(), skinned, options, "skinning, " + to_string(split))
+          .to_json();
 }
 
 /// The measurements of a split, in the order of their rows.

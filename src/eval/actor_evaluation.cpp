@@ -136,7 +136,7 @@ Json evaluate_actor_surface(const ActorEvaluation& evaluation, const std::string
   const auto deformed = [&](const std::vector<SampleId>& samples) {
     return (evaluation.actor.*surface)(dof_windows(evaluation, samples));
   };
-  return evaluate_surface(evaluation.dataset, evaluation.split, evaluation.actor.mesh->faces, deformed,
+  return evaluate_surface(evaluation.dataset, evaluation.split, evaluation.actor.character, deformed,
                           evaluation.options, titled(evaluation, title))
       .to_json();
 }

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <iterator>
 
-#include "doppel/character/character_folder.h"
 #include "doppel/character/landmarks.h"
 
 namespace doppel {
@@ -15,8 +14,7 @@ constexpr double kHalfSide = 0.12;  // metres
 
 }  // namespace
 
-HandBoxes::HandBoxes(const Dataset& dataset)
-    : dataset_(dataset), skeleton_(load_character(dataset.character_path()).skeleton) {
+HandBoxes::HandBoxes(const Dataset& dataset, const Skeleton& skeleton) : dataset_(dataset), skeleton_(skeleton) {
   std::copy_if(skeleton_.markers.begin(), skeleton_.markers.end(), std::back_inserter(knuckles_),
                [](const Marker& marker) {
                  return marker.name == "left_middle_finger1" || marker.name == "right_middle_finger1";

@@ -12,7 +12,8 @@ namespace doppel {
 /// poses of the capture and the markers `left_middle_finger1` and `right_middle_finger1`.
 class HandBoxes {
  public:
-  explicit HandBoxes(const Dataset& dataset);
+  /// @param skeleton of the capture's character
+  HandBoxes(const Dataset& dataset, const Skeleton& skeleton);
 
   /// Whether the character has the markers.
   bool known() const { return knuckles_.size() == 2; }

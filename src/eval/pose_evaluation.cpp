@@ -8,7 +8,6 @@
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/eval/mean.h"
 #include "doppel/eval/pose_metrics.h"
-#include "doppel/render/mesh/face_tensor.h"
 
 namespace doppel {
 
@@ -113,9 +112,9 @@ class PoseEvaluation {
 
   Json method(bool deformed) {
     const auto drawn = [&](const std::vector<SampleId>& samples) { return surface(samples, deformed); };
+    const auto skinned = [&](const std::vector<SampleId>& samples) { return surface(samples, false); };
     const std::string title = std::string(deformed ? "defnet, " : "posenet, ") + to_string(split_);
-    Json json =
-        evaluate_surface(dataset_, split_, face_tensor(trained_.character.mesh), drawn, options_, title).to_json();
+    Json json = evaluate_surface(dataset_, split_, trained_.character, drawn, options_, title, skinned).to_json();
     if (without_pose_ > 0) json["frames_without_pose"] = without_pose_;
     const Mean& error = deformed ? deformed_error_ : posed_error_;
     if (error.count > 0) json["keypoint_error_px"] = error.value();

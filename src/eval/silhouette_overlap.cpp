@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <map>
 
+#include "doppel/character/character.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
 #include "doppel/data/dataset/loader.h"
@@ -13,6 +15,9 @@
 #include "doppel/eval/mean.h"
 #include "doppel/eval/scans.h"
 #include "doppel/eval/surface_metrics.h"
+#include "doppel/eval/surface_shape.h"
+#include "doppel/layers/surface.h"
+#include "doppel/render/mesh/face_tensor.h"
 #include "doppel/render/outline/seen_vertices.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/raster/rasterizer.h"
@@ -135,26 +140,54 @@ torch::Tensor seen_by_cameras(const Dataset& dataset, Rasterizer& rasterizer, co
   return seen;
 }
 
-/// Mean distances over frames between a surface and the true surface, metres.
-struct GroundTruthErrors {
-  Mean vertex, hausdorff, surface, seen_surface;
+/// Errors over frames of surfaces against the true surfaces, metres.
+class GroundTruthErrors {
+ public:
+  /// @param skinned as in evaluate_surface
+  GroundTruthErrors(const Dataset& dataset, const Character& character, const torch::Tensor& faces,
+                    const SurfaceFunction& skinned)
+      : dataset_(dataset),
+        faces_(faces),
+        skinned_(skinned),
+        template_(character),
+        ground_truth_(dataset),
+        shape_(SurfaceShape(faces, character.num_vertices(), character.labels)) {}
 
-  /// @param vertices, expected [N,3] @param seen bool [N]
-  void add(const torch::Tensor& vertices, const torch::Tensor& expected, const torch::Tensor& faces,
-           const torch::Tensor& seen) {
-    vertex.add((vertices - expected).norm(2, 1).mean().item<double>());
-    const SurfaceGap gap = surface_gap(vertices, faces, expected, faces);
-    hausdorff.add(gap.hausdorff);
-    surface.add(gap.mean);
-    if (seen.any().item<bool>()) seen_surface.add(gap.from_a.masked_select(seen).mean().item<double>());
+  /// Adds a frame, if its true surface is known. @param vertices [N,3]
+  void add(const SampleId& sample, const torch::Tensor& vertices, Rasterizer& rasterizer) {
+    const torch::Tensor expected = ground_truth_.at(sample, vertices.size(0));
+    if (!expected.defined()) return;
+    vertex_.add((vertices - expected).norm(2, 1).mean().item<double>());
+    const SurfaceGap gap = surface_gap(vertices, faces_, expected, faces_);
+    hausdorff_.add(gap.hausdorff);
+    surface_.add(gap.mean);
+    const torch::Tensor seen = seen_by_cameras(dataset_, rasterizer, expected, faces_);
+    if (seen.any().item<bool>()) seen_surface_.add(gap.from_a.masked_select(seen).mean().item<double>());
+    shape_.add(vertices, expected);
+    if (!dataset_.sequences()[as_size(sample.sequence)].has_motion()) return;
+    const torch::Tensor in_true_pose = template_->skinned(dataset_.dof_windows({sample}, 0).squeeze(1))[0];
+    shape_.add_displacements(vertices - (skinned_ ? skinned_({sample})[0] : in_true_pose), expected - in_true_pose);
   }
   void write(SurfaceResult& result) const {
-    if (vertex.count == 0) return;
-    result.vertex_error_mm = 1000.0 * vertex.value();
-    result.Hausdorff_mm = 1000.0 * hausdorff.value();
-    result.surface_distance_mm = 1000.0 * surface.value();
-    if (seen_surface.count > 0) result.seen_distance_mm = 1000.0 * seen_surface.value();
+    if (vertex_.count == 0) return;
+    result.vertex_error_mm = 1000.0 * vertex_.value();
+    result.Hausdorff_mm = 1000.0 * hausdorff_.value();
+    result.surface_distance_mm = 1000.0 * surface_.value();
+    if (seen_surface_.count > 0) result.seen_distance_mm = 1000.0 * seen_surface_.value();
+    result.normal_error_deg = shape_.normal_error();
+    result.roughness_error_mm = 1000.0 * shape_.roughness_error().value();
+    result.roughness_ratio = shape_.roughness_ratio();
+    result.border_length_ratio = shape_.border_length_ratio();
   }
+
+ private:
+  const Dataset& dataset_;
+  const torch::Tensor faces_;
+  const SurfaceFunction& skinned_;
+  CharacterSurface template_;
+  GroundTruth ground_truth_;
+  ShapeErrors shape_;
+  Mean vertex_, hausdorff_, surface_, seen_surface_;
 };
 
 /// Mean distances over frames between a surface and the scans of an evaluation, metres.
@@ -195,6 +228,7 @@ constexpr Column kColumns[] = {{"AMVIoU", "AMVIoU", 1, 4, ""},
                                {"Hausdorff_mm", "Hausdorff", 1, 2, " mm"},
                                {"surface_distance_mm", "off the surface", 1, 2, " mm"},
                                {"seen_distance_mm", "where seen", 1, 2, " mm"},
+                               {"normal_error_deg", "normals", 1, 2, " deg"},
                                {"scan_distance_mm", "off the scan", 1, 2, " mm"},
                                {"noise_mm", "noise", 1, 2, " mm"},
                                {"median_mm", "median", 1, 2, " mm"},
@@ -269,6 +303,10 @@ nlohmann::ordered_json SurfaceResult::to_json() const {
   if (Hausdorff_mm) json["Hausdorff_mm"] = *Hausdorff_mm;
   if (surface_distance_mm) json["surface_distance_mm"] = *surface_distance_mm;
   if (seen_distance_mm) json["seen_distance_mm"] = *seen_distance_mm;
+  if (normal_error_deg) json["normal_error_deg"] = *normal_error_deg;
+  if (roughness_error_mm) json["roughness_error_mm"] = *roughness_error_mm;
+  if (roughness_ratio) json["roughness_ratio"] = *roughness_ratio;
+  if (border_length_ratio) json["border_length_ratio"] = *border_length_ratio;
   if (scan_distance_mm) json["scan_distance_mm"] = *scan_distance_mm;
   json["outside"] = outside;
   json["missing"] = missing;
@@ -281,9 +319,9 @@ std::vector<SampleId> evaluated_samples(const Dataset& dataset, Split split, con
   return chosen_samples(dataset, split, options.frames);
 }
 
-SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces,
+SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const Character& character,
                                const SurfaceFunction& surface, const EvaluationOptions& options,
-                               const std::string& title) {
+                               const std::string& title, const SurfaceFunction& skinned) {
   torch::NoGradGuard no_grad;
   const std::vector<int> cameras = dataset.camera_indices(options.cameras);
   if (!options.input_camera.empty()) {
@@ -293,11 +331,11 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
   }
   const std::vector<CameraGroup> groups = group_by_size(dataset, cameras);
   const std::vector<SampleId> samples = evaluated_samples(dataset, split, options);
+  const torch::Tensor faces = face_tensor(character.mesh);
   Rasterizer rasterizer(faces);
-  GroundTruth ground_truth(dataset);
-  const HandBoxes hands(dataset);
+  const HandBoxes hands(dataset, character.skeleton);
   OverlapMeans means;
-  GroundTruthErrors errors;
+  GroundTruthErrors errors(dataset, character, faces, skinned);
   ScanErrors scan_errors(dataset, samples, options);
   Progress progress(title, static_cast<std::int64_t>(samples.size()));
   for (std::size_t first = 0; first < samples.size(); first += kFramesAtOnce) {
@@ -308,9 +346,8 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
     for (const CameraGroup& group : groups)
       means.add(group, overlaps(dataset, group, rasterizer, part, vertices, hands.known() ? &hands : nullptr));
     for (std::size_t b = 0; b < part.size(); ++b) {
-      const torch::Tensor expected = ground_truth.at(part[b], vertices.size(1)),
-                          found = vertices[static_cast<std::int64_t>(b)];
-      if (expected.defined()) errors.add(found, expected, faces, seen_by_cameras(dataset, rasterizer, expected, faces));
+      const torch::Tensor found = vertices[static_cast<std::int64_t>(b)];
+      errors.add(part[b], found, rasterizer);
       scan_errors.add(part[b], found);
     }
     progress.advance(static_cast<std::int64_t>(part.size()));

@@ -15,6 +15,7 @@
 namespace doppel {
 
 class Lpips;
+struct Character;
 
 /// Pixels of two masks a and b (non-zero = inside).
 struct Overlap {
@@ -70,6 +71,11 @@ struct SurfaceResult {
   /// Mean distance to the true surface of the vertices that some camera of the capture sees on the true surface. Only
   /// these could be compared with a reconstruction from the images (Table 6.6).
   std::optional<double> seen_distance_mm;
+  // Of the shape (surface_shape.h): how spikes and folds differ from those of the true surface.
+  std::optional<double> normal_error_deg;     ///< mean angle between the vertex normals
+  std::optional<double> roughness_error_mm;   ///< roughness of the difference from the true surface
+  std::optional<double> roughness_ratio;      ///< roughness of the displacements over that of the true ones
+  std::optional<double> border_length_ratio;  ///< length of hems and other borders over the true length
   /// With EvaluationOptions::scans: mean distance of all vertices to the scan, in this direction only, mean over the
   /// frames that have a scan (Table 6.6).
   std::optional<double> scan_distance_mm;
@@ -81,12 +87,14 @@ struct SurfaceResult {
 /// compared with the full mask; IoU is averaged over the frames of a camera, then over cameras. A view in which both
 /// are empty does not count. If the capture has `ground_truth/<sequence>/vertices.npy` [frames of the motion,N,3]
 /// (metres), the result contains the errors against it.
-/// @param faces int32 [F,3]
+/// @param character of the capture: its faces, labels and skinned template
+/// @param skinned the skinned template in the poses of the surface, from which displacements are measured; empty: in
+/// the poses of the capture
 /// @throws UsageError for an unknown camera, or an input camera that is not among those compared, and as Scans; Error
 /// when no camera sees anything, or ground truth has another shape
-SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces,
+SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const Character& character,
                                const SurfaceFunction& surface, const EvaluationOptions& options,
-                               const std::string& title);
+                               const std::string& title, const SurfaceFunction& skinned = {});
 
 /// The conditions of an evaluation, printed with its results: frames per split, cameras, resolution, mask threshold,
 /// scans. @throws UsageError as Scans

@@ -40,6 +40,7 @@ class TrackedEvaluation {
   TrackedEvaluation(const Dataset& dataset, const Character& character, const TrackedRun& tracked, Split split,
                     const TrackedEvaluationOptions& options)
       : dataset_(dataset),
+        character_(character),
         tracked_(tracked),
         split_(split),
         options_(options),
@@ -179,15 +180,17 @@ class TrackedEvaluation {
       for (const SampleId& sample : samples) surfaces.push_back(surface(sample));
       return torch::cat(surfaces);
     };
-    Json json =
-        evaluate_surface(dataset_, split_, faces_, drawn, options_, std::string(name) + ", " + to_string(split_))
-            .to_json();
+    const auto in_own_pose = [this](const std::vector<SampleId>& samples) { return skinned(samples.front()); };
+    Json json = evaluate_surface(dataset_, split_, character_, drawn, options_,
+                                 std::string(name) + ", " + to_string(split_), in_own_pose)
+                    .to_json();
     for (const auto& [key, value] : scores.items())
       if (key != "frames" && key != "missing") json[key] = value;
     return json;
   }
 
   const Dataset& dataset_;
+  const Character& character_;
   const TrackedRun& tracked_;
   Split split_;
   const TrackedEvaluationOptions& options_;

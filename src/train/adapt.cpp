@@ -16,7 +16,6 @@
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/eval/silhouette_overlap.h"
-#include "doppel/render/mesh/face_tensor.h"
 #include "doppel/train/def_net_stage.h"
 #include "doppel/train/pose_net_stage.h"
 #include "doppel/train/stage_chain.h"
@@ -258,7 +257,10 @@ class Adaptation {
     const auto drawn = [&](const std::vector<SampleId>& samples) {
       return surface(trained, seen(trained, samples), deformed);
     };
-    return evaluate_surface(dataset_, split, face_tensor(trained.character.mesh), drawn, options, title);
+    const auto skinned = [&](const std::vector<SampleId>& samples) {
+      return surface(trained, seen(trained, samples), false);
+    };
+    return evaluate_surface(dataset_, split, trained.character, drawn, options, title, skinned);
   }
 
   /// Keypoint error of the pose's landmarks or of those on the deformed graph; mean over frames, reference pixels. A

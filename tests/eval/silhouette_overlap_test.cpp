@@ -9,6 +9,7 @@
 #include "doppel/core/error.h"
 #include "doppel/eval/hand_boxes.h"
 #include "doppel/geometry/mesh.h"
+#include "doppel/render/mesh/face_tensor.h"
 #include "doppel/render/outline/seen_vertices.h"
 #include "doppel/render/projection.h"
 #include "support/message_of.h"
@@ -57,9 +58,7 @@ class Capture3 : public ::testing::Test {
   void SetUp() override {
     dataset_ = std::make_unique<Dataset>(Dataset::open(prepared_));
     character_ = load_character(dataset_->character_path());
-    faces_ = torch::empty({character_.mesh.num_faces(), 3}, torch::kInt32);
-    for (int f = 0; f < character_.mesh.num_faces(); ++f)
-      for (int k = 0; k < 3; ++k) faces_[f][k] = character_.mesh.faces[f][k];
+    faces_ = face_tensor(character_.mesh);
   }
 
   torch::Tensor dofs(const std::vector<SampleId>& samples) const {
@@ -75,8 +74,9 @@ class Capture3 : public ::testing::Test {
     }
     return torch::stack(rows);
   }
-  SurfaceResult evaluate(const SurfaceFunction& surface, const EvaluationOptions& options = {}) const {
-    return evaluate_surface(*dataset_, Split::test, faces_, surface, options, "test");
+  SurfaceResult evaluate(const SurfaceFunction& surface, const EvaluationOptions& options = {},
+                         const SurfaceFunction& skinned = {}) const {
+    return evaluate_surface(*dataset_, Split::test, character_, surface, options, "test", skinned);
   }
 
   static TemporaryFolder* folder_;
@@ -151,6 +151,38 @@ TEST_F(SurfaceOverlapReference, SkinningIsThinnerByTheKnownAmount) {
   EXPECT_NEAR(result.missing, 1 - result.AMVIoU, 0.02);
 }
 
+// The ground truth is the skinned template moved along its normals, so the shape of both is known.
+TEST_F(SurfaceOverlapReference, TheTrueSurfaceHasTheTrueShapeAndSkinningNone) {
+  CharacterSurface surface(character_);
+  const auto skinned = evaluate([&](const auto& samples) { return surface->skinned(dofs(samples)); });
+  const auto exact = evaluate([&](const auto& samples) { return ground_truth(samples); });
+  const auto half =
+      evaluate([&](const auto& samples) { return 0.5 * (ground_truth(samples) + surface->skinned(dofs(samples))); });
+  EXPECT_NEAR(exact.normal_error_deg.value(), 0.0, 0.01);
+  EXPECT_NEAR(exact.roughness_error_mm.value(), 0.0, 1e-3);
+  EXPECT_NEAR(exact.roughness_ratio.value(), 1.0, 1e-3);
+  EXPECT_NEAR(exact.border_length_ratio.value_or(1.0), 1.0, 1e-4);
+  EXPECT_NEAR(skinned.roughness_ratio.value(), 0.0, 1e-3);
+  EXPECT_NEAR(half.roughness_ratio.value(), 0.5, 1e-3);
+  EXPECT_GT(skinned.roughness_error_mm.value(), 0.1);
+  EXPECT_NEAR(half.roughness_error_mm.value(), 0.5 * skinned.roughness_error_mm.value(), 1e-3);
+  for (const char* key : {"normal_error_deg", "roughness_error_mm", "roughness_ratio"})
+    EXPECT_TRUE(half.to_json().contains(key)) << key;
+}
+
+// Displacements are measured in the pose of the surface, so an error of the pose is no roughness of them.
+TEST_F(SurfaceOverlapReference, RoughnessOfASurfaceInAnotherPose) {
+  CharacterSurface surface(character_);
+  const auto first = [](const std::vector<SampleId>& samples) {
+    return std::vector<SampleId>(samples.size(), SampleId{samples[0].sequence, 0});
+  };
+  const auto still = [&](const std::vector<SampleId>& samples) { return ground_truth(first(samples)); };
+  const auto result = evaluate(still, {}, [&](const auto& samples) { return surface->skinned(dofs(first(samples))); });
+  EXPECT_GT(result.vertex_error_mm.value(), 10.0);
+  EXPECT_NEAR(result.roughness_ratio.value(), 1.0, 0.05);
+  EXPECT_GT(std::abs(evaluate(still).roughness_ratio.value() - 1.0), 0.1);
+}
+
 /// The capture with a character two of whose markers are the knuckles of hands.
 class WithHands : public ::testing::Test {
  protected:
@@ -162,12 +194,6 @@ class WithHands : public ::testing::Test {
     write_character(folder_ / "character", character_);
     dataset_ = std::make_unique<Dataset>(Dataset::open(prepared_));
   }
-  torch::Tensor faces() const {
-    torch::Tensor faces = torch::empty({character_.mesh.num_faces(), 3}, torch::kInt32);
-    for (int f = 0; f < character_.mesh.num_faces(); ++f)
-      for (int k = 0; k < 3; ++k) faces[f][k] = character_.mesh.faces[f][k];
-    return faces;
-  }
 
   TemporaryFolder folder_;
   std::filesystem::path prepared_;
@@ -176,7 +202,7 @@ class WithHands : public ::testing::Test {
 };
 
 TEST_F(WithHands, SquaresHaveTheirSizeAndTheKnucklesInTheMiddle) {
-  const HandBoxes hands(*dataset_);
+  const HandBoxes hands(*dataset_, character_.skeleton);
   ASSERT_TRUE(hands.known());
   const SampleId sample = dataset_->samples(Split::test).front();
   const Motion& motion = dataset_->sequences()[sample.sequence].motion;
@@ -208,11 +234,11 @@ TEST_F(WithHands, OnlyTheSquaresCount) {
   };
   EvaluationOptions one;
   one.cameras = {"c0"};
-  const auto all = evaluate_surface(*dataset_, Split::test, faces(), true_surface, one, "test");
+  const auto all = evaluate_surface(*dataset_, Split::test, character_, true_surface, one, "test");
   EXPECT_GT(all.hand_IoU.value(), 0.999);
   EXPECT_TRUE(all.to_json().contains("hand_IoU"));
   // The faces that lie in a square with all corners, in all frames, or that do not.
-  const HandBoxes hands(*dataset_);
+  const HandBoxes hands(*dataset_, character_.skeleton);
   const std::vector<SampleId> samples = dataset_->samples(Split::test);
   const torch::Tensor vertices = true_surface(samples);
   const auto in_square = [&](const Triangle& face) {
@@ -227,14 +253,15 @@ TEST_F(WithHands, OnlyTheSquaresCount) {
       }
     return true;
   };
-  std::vector<torch::Tensor> near, far;
-  for (int f = 0; f < character_.mesh.num_faces(); ++f)
-    (in_square(character_.mesh.faces[f]) ? near : far).push_back(faces()[f]);
-  ASSERT_FALSE(near.empty());
-  ASSERT_FALSE(far.empty());
+  Character near = character_, far = character_;
+  near.mesh.faces.clear();
+  far.mesh.faces.clear();
+  for (const Triangle& face : character_.mesh.faces) (in_square(face) ? near : far).mesh.faces.push_back(face);
+  ASSERT_FALSE(near.mesh.faces.empty());
+  ASSERT_FALSE(far.mesh.faces.empty());
   // Without the faces near the hands, the squares lose more than the whole view; without the others they lose less.
-  const auto without_hands = evaluate_surface(*dataset_, Split::test, torch::stack(far), true_surface, one, "test");
-  const auto hands_alone = evaluate_surface(*dataset_, Split::test, torch::stack(near), true_surface, one, "test");
+  const auto without_hands = evaluate_surface(*dataset_, Split::test, far, true_surface, one, "test");
+  const auto hands_alone = evaluate_surface(*dataset_, Split::test, near, true_surface, one, "test");
   EXPECT_LT(without_hands.hand_IoU.value(), without_hands.AMVIoU);
   EXPECT_GT(hands_alone.hand_IoU.value(), hands_alone.AMVIoU);
 }

@@ -85,6 +85,8 @@ TEST_F(TrackedEvaluationTest, MeasuresThePoseAndTheSurfaceApart) {
   EXPECT_GT(rows["surface"]["AMVIoU"].get<double>(), 0.97);
   EXPECT_GT(rows["pose"]["vertex_error_mm"].get<double>(), 5.0) << "the true surface is thicker than the template";
   EXPECT_LT(rows["pose"]["AMVIoU"].get<double>(), rows["surface"]["AMVIoU"].get<double>());
+  EXPECT_NEAR(rows["surface"]["roughness_ratio"].get<double>(), 1.0, 1e-3);
+  EXPECT_NEAR(rows["pose"]["roughness_ratio"].get<double>(), 0.0, 1e-6);
 }
 
 TEST_F(TrackedEvaluationTest, OneCameraIsComparedAtTheTruePosition) {

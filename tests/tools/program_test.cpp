@@ -622,12 +622,20 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   for (const char* method : {"static", "lit", "texnet"}) EXPECT_TRUE(test[method].contains("SSIM")) << method;
   EXPECT_LT(test["lit"]["MSE"].get<double>(), test["static"]["MSE"].get<double>());
   EXPECT_LT(test["texnet"]["MSE"].get<double>(), test["lit"]["MSE"].get<double>());
+  for (const char* method : {"skinning", "egnet", "deltanet"})
+    for (const char* name : {"normal_error_deg", "roughness_error_mm", "border_length_ratio"})
+      EXPECT_GT(test[method][name].get<double>(), 0.0) << method << " " << name;
+  EXPECT_NEAR(test["skinning"]["roughness_ratio"].get<double>(), 0.0, 1e-4);
+  for (const char* method : {"egnet", "deltanet"})
+    EXPECT_GT(test[method]["roughness_ratio"].get<double>(), 0.01) << method;
+  EXPECT_THAT(read_file(at("chain/report.html")), HasSubstr("roughness_ratio"));
 
   step("evaluate --run " + at("run") + " --split test --every 4");
   const Outcome table = run("compare " + at("run") + " " + at("chain"));
   ASSERT_EQ(table.code, 0) << table.err;
   EXPECT_NE(table.out.find("| chain | texnet |"), std::string::npos) << table.out;
   EXPECT_NE(table.out.find("| run | egnet |"), std::string::npos) << table.out;
+  EXPECT_THAT(table.out, HasSubstr("| normal_error_deg | roughness_error_mm | roughness_ratio |"));
   EXPECT_EQ(run("compare " + at("run") + " --split train").code, 2);
   EXPECT_EQ(run("compare " + at("prepared")).code, 1);
 
