@@ -147,6 +147,7 @@ Json describe_graph(const Character& character) {
   json["edges"] = graph.edges.size();
   json["source"] = character.graph_source.empty() ? "decimated from the mesh" : character.graph_source.string();
   json["metric"] = hops ? "hops" : "geodesic";
+  json["falloff"] = character.options.graph.falloff == GraphFalloff::smooth ? "smooth" : "truncated";
   json["radius_unit"] = hops ? "hops" : "metres";
   json["radius_min"] = *low;
   json["radius_max"] = *high;

@@ -9,6 +9,8 @@ void describe_keys(const Keys& keys, CharacterOptions& options) {
   keys("bone_rule", options.bone_rule, {"exact", "prefix"}, "how a bone of the skinning weights finds its joint");
   keys("num_nodes", options.num_nodes, at_least(4), "of the graph that is built when none lies beside the character");
   keys("metric", options.graph.metric, {"hops", "geodesic"}, "distance along the template for the weights of nodes");
+  keys("falloff", options.graph.falloff, {"truncated", "smooth"},
+       "of the weights of nodes with this distance: truncated ends at a step, as in public checkpoints");
   keys("rigidity", options.rigidity, {"livecap", "graph", "laplacian"}, "of the materials");
 }
 

@@ -103,14 +103,26 @@ std::vector<double> choose_radii(const EmbeddedGraph& graph, const TemplateDista
 
 using Influences = std::vector<std::vector<std::pair<int, double>>>;  // [N] (node, unnormalised weight)
 
-/// Adds the influences of each node on the vertices of `wanted` within `widening` times the node's radius.
-void spread(const EmbeddedGraph& graph, const TemplateDistance& distance, double widening,
+/// The distance up to which a node has a weight, relative to its radius.
+double reach_of(GraphFalloff falloff) { return falloff == GraphFalloff::smooth ? 1.5 : 1.0; }
+
+/// The weight of a node before the weights of a vertex are normalised.
+/// @param relative distance from the node divided by its radius @param widening how much farther the weights reach
+double weight_at(GraphFalloff falloff, double relative, double widening) {
+  if (falloff == GraphFalloff::truncated) return std::exp(-0.5 * relative * relative);
+  const double x = relative / (reach_of(falloff) * widening);
+  return x < 1.0 ? (1.0 - x * x) * (1.0 - x * x) : 0.0;
+}
+
+/// Adds the influences of each node on the vertices of `wanted` within `widening` times the reach of the node.
+void spread(const EmbeddedGraph& graph, const TemplateDistance& distance, GraphFalloff falloff, double widening,
             const std::vector<bool>& wanted, Influences& influences) {
   for (int k = 0; k < graph.num_nodes(); ++k)
-    for (const auto& [vertex, d] : distance.ball(graph.node_vertex[k], widening * graph.radius[k])) {
+    for (const auto& [vertex, d] :
+         distance.ball(graph.node_vertex[k], widening * reach_of(falloff) * graph.radius[k])) {
       if (!wanted[vertex]) continue;
-      const double relative = d / graph.radius[k];
-      influences[vertex].emplace_back(k, std::exp(-0.5 * relative * relative));
+      const double weight = weight_at(falloff, d / graph.radius[k], widening);
+      if (weight > 0.0) influences[vertex].emplace_back(k, weight);
     }
 }
 
@@ -127,17 +139,18 @@ int nearest_node(const TriangleMesh& mesh, const EmbeddedGraph& graph, int verte
   return nearest;
 }
 
-/// The nodes of every vertex and their weights. A vertex beyond the radius of all nodes uses twice the radius.
-void weigh_vertices(const TriangleMesh& mesh, const TemplateDistance& distance, EmbeddedGraph& graph) {
+/// The nodes of every vertex and their weights. A vertex beyond the reach of all nodes uses twice the reach.
+void weigh_vertices(const TriangleMesh& mesh, const TemplateDistance& distance, GraphFalloff falloff,
+                    EmbeddedGraph& graph) {
   Influences influences(mesh.vertices.size());
   std::vector<bool> wanted(mesh.vertices.size(), true);
-  spread(graph, distance, 1.0, wanted, influences);
+  spread(graph, distance, falloff, 1.0, wanted, influences);
   bool alone = false;
   for (std::size_t v = 0; v < influences.size(); ++v) {
     wanted[v] = influences[v].empty();
     alone = alone || wanted[v];
   }
-  if (alone) spread(graph, distance, 2.0, wanted, influences);
+  if (alone) spread(graph, distance, falloff, 2.0, wanted, influences);
 
   for (int v = 0; v < mesh.num_vertices(); ++v) {
     if (influences[v].empty()) influences[v].emplace_back(nearest_node(mesh, graph, v), 1.0);
@@ -172,7 +185,7 @@ EmbeddedGraph build_graph(const TriangleMesh& mesh, const TriangleMesh& coarse, 
   graph.edges = MeshTopology(coarse).edges();
   graph.faces = coarse.faces;
   graph.radius = choose_radii(graph, distance, options);
-  weigh_vertices(mesh, distance, graph);
+  weigh_vertices(mesh, distance, options.falloff, graph);
   return graph;
 }
 

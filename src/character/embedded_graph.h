@@ -11,8 +11,15 @@ namespace doppel {
 /// The distance between a node and a vertex: edges on the template (`hops`, as in public checkpoints), or path length.
 enum class GraphMetric { hops, geodesic };
 
+/// How the weight of a node falls with the distance d from it, r being its radius.
+/// - truncated: exp(-1/2 (d/r)^2) for d <= r, as in public checkpoints. The weight ends at .61 of its height, and the
+///   surface has a small step there.
+/// - smooth: (1 - (d / 1.5 r)^2)^2 for d <= 1.5 r, which ends at 0 with slope 0. The thesis states no function.
+enum class GraphFalloff { truncated, smooth };
+
 struct GraphOptions {
   GraphMetric metric = GraphMetric::hops;
+  GraphFalloff falloff = GraphFalloff::truncated;
   int minimum_radius = 3;  ///< hops (times the mean edge length for `geodesic`)
   bool adaptive_radius =
       true;  ///< r_k = max(minimum, half of the farthest graph neighbour), in hops rounded down; false: minimum
@@ -31,8 +38,8 @@ struct EmbeddedGraph {
 };
 
 /// Builds the graph from a coarse mesh of the template. Node k is vertex k of the coarse mesh, moved to the nearest
-/// template vertex that is still free. The edges are those of the coarse mesh. w ∝ exp(-1/2 (d/r)^2) for d <= r. A
-/// vertex beyond the radius of all nodes uses the nodes within 2 r, or else the nearest node.
+/// template vertex that is still free. The edges are those of the coarse mesh. The weights fall with the distance as
+/// `falloff` says. A vertex beyond the reach of all nodes uses the nodes within twice that, or else the nearest node.
 /// @throws Error when the coarse mesh has more vertices than the template
 EmbeddedGraph build_graph(const TriangleMesh& mesh, const TriangleMesh& coarse, const GraphOptions& options = {});
 /// As above, from the template decimated to `num_nodes` vertices.

@@ -305,6 +305,7 @@ Actor make_actor(const ActorOptions& options) {
   const std::vector<Vector3d> normals = vertex_normals(c.mesh);
   for (int v = 0; v < c.num_vertices(); ++v) actor.openness.push_back(field.openness(c.mesh.vertices[v], normals[v]));
   dress(actor, field);
+  actor.own_rest = c.mesh.vertices;
   return actor;
 }
 

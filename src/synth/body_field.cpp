@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/core/error.h"
+
 namespace doppel::synth {
 
 namespace {
@@ -172,6 +174,31 @@ double BodyField::openness(const Vector3d& p, const Vector3d& normal) const {
     weight *= 0.8;
   }
   return 1 - blocked / total;
+}
+
+PartAxis part_axis(Part part) {
+  const bool right = part >= kRightArm;
+  const auto axis = [&](const Vector3d& from, const Vector3d& to, double radius) {
+    return PartAxis{right ? mirrored(from) : from, right ? mirrored(to) : to, radius};
+  };
+  switch (right ? part - kLimbParts : part) {
+    case kTorso:
+      return axis({0, 0.9, 0}, {0, 1.4, 0}, 0.15);
+    case kLeftArm:
+      return axis(BodyPlan::shoulder(), BodyPlan::elbow(), 0.07);
+    case kLeftForearm:
+      return axis(BodyPlan::elbow(), BodyPlan::wrist(), 0.06);
+    case kLeftHand:
+      return axis(BodyPlan::wrist(), BodyPlan::fingertip(), 0.06);
+    case kLeftThigh:
+      return axis(BodyPlan::hip(), BodyPlan::knee(), 0.1);
+    case kLeftShin:
+      return axis(BodyPlan::knee(), BodyPlan::ankle(), 0.08);
+    case kLeftFoot:
+      return axis({0.107, 0.1, -0.06}, BodyPlan::toe(), 0.1);
+    default:
+      fail("the body part {} has no axis", static_cast<int>(part));
+  }
 }
 
 }  // namespace doppel::synth

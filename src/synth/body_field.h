@@ -51,6 +51,14 @@ struct BodyPlan {
 /// The point or vector on the other side of the body.
 inline Eigen::Vector3d mirrored(const Eigen::Vector3d& p) { return {-p.x(), p.y(), p.z()}; }
 
+/// A line in a part, and a radius around it in which the part is.
+struct PartAxis {
+  Eigen::Vector3d from, to;
+  double radius = 0;  ///< metres
+};
+/// Of the trunk, the limbs, hands and feet. @throws Error for head, hair and skirt
+PartAxis part_axis(Part part);
+
 /// The actor as a signed distance field: smooth unions of round cones, ellipsoids and a hollow, folded skirt. The
 /// values are true distances only near the surface. This suffices for meshing and projection.
 class BodyField {

@@ -1,6 +1,8 @@
 #include "doppel/synth/other_body.h"
 
+#include <Eigen/QR>
 #include <charconv>
+#include <cmath>
 
 #include "doppel/core/error.h"
 #include "doppel/rigging/body/body_warp.h"
@@ -12,6 +14,7 @@ namespace doppel::synth {
 
 namespace {
 
+using Eigen::Affine3d;
 using Eigen::Vector3d;
 
 BodyJoints plan_joints() {
@@ -74,6 +77,40 @@ void move_skeleton(Character& c, const BodyWarp::Map& map) {
   c.rest_dofs[*c.skeleton.find_dof("Root_ty")] = to.front().y();
 }
 
+Segment segment_of_part(Part part) {
+  if (part < kLeftArm) return kTrunkSegment;
+  return static_cast<Segment>(kLeftArmSegment + (part - kLeftArm));
+}
+
+/// The affine map that is nearest to the warp around the axis of a part.
+Affine3d affine_warp(const BodyWarp::Map& map, Part part) {
+  constexpr int kAlong = 5, kAround = 8;
+  const PartAxis axis = part_axis(part);
+  const Vector3d along = (axis.to - axis.from).normalized(), side = along.unitOrthogonal(), other = along.cross(side);
+  SegmentWeights weights = SegmentWeights::Zero();
+  weights[segment_of_part(part)] = 1;
+  Eigen::Matrix<double, kAlong * kAround, 4> from;
+  Eigen::Matrix<double, kAlong * kAround, 3> to;
+  for (int i = 0; i < kAlong * kAround; ++i) {
+    const double angle = 2 * M_PI * (i % kAround) / kAround, t = (i / kAround) / (kAlong - 1.0);
+    const Vector3d p =
+        axis.from + t * (axis.to - axis.from) + 0.75 * axis.radius * (std::cos(angle) * side + std::sin(angle) * other);
+    from.row(i) << p.transpose(), 1;
+    to.row(i) = map.point(p, weights).transpose();
+  }
+  Affine3d fitted;
+  fitted.affine() = from.colPivHouseholderQr().solve(to).transpose();
+  fitted.makeAffine();
+  return fitted;
+}
+
+std::vector<Affine3d> warp_parts(const BodyWarp::Map& map) {
+  std::vector<Affine3d> warps(kNumParts, Affine3d::Identity());
+  for (int part = 0; part < kNumParts; ++part)
+    if (part != kSkirt && part != kHead && part != kHair) warps[part] = affine_warp(map, static_cast<Part>(part));
+  return warps;
+}
+
 }  // namespace
 
 std::vector<double> actor_measures() {
@@ -124,6 +161,7 @@ void give_body(Actor& actor, std::span<const double> measures) {
     vertex = moved;
   }
   move_skeleton(c, map);
+  actor.part_warps = warp_parts(map);
 }
 
 }  // namespace doppel::synth

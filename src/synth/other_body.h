@@ -20,7 +20,7 @@ std::vector<double> actor_measures();
 /// Warps the actor to another body: mesh, worn clothes, skeleton, landmarks and rest pose. Lengths between joints
 /// become those of the measures. The actor counts as an average woman otherwise: its girths, head, hands and feet
 /// change as the measures do from hers. The clothes, the skirt included, are warped with the body. Hair and
-/// looseness are not used. Topology, weights, labels, graph and shading stay.
+/// looseness are not used. Topology, weights, labels, graph and shading stay. Fills `part_warps`.
 /// @param measures [P] metres
 void give_body(Actor& actor, std::span<const double> measures);
 

@@ -36,42 +36,28 @@ std::vector<Triangle> bare_faces(const Actor& actor) {
 
 }  // namespace
 
-PosedBody::PosedBody(const Character& character)
-    : character_(character),
+PosedBody::PosedBody(const Actor& actor)
+    : character_(actor.character),
       groups_{{kTorso, kLeftThigh, kLeftShin, kLeftFoot, kRightThigh, kRightShin, kRightFoot},
               {kLeftForearm, kLeftHand},
               {kRightForearm, kRightHand}} {
-  const std::vector<Affine3d> rest_from_joint = character.skeleton.pose(character.rest_dofs);
+  const std::vector<Affine3d> rest_from_joint = character_.skeleton.pose(character_.rest_dofs);
   for (const Group& group : groups_)
     for (const Part part : group) {
       PosedPart& posed = parts_[part];
-      posed.joint = character.skeleton.joint_of_bone(bone_of(part), BoneRule::exact);
+      posed.joint = character_.skeleton.joint_of_bone(bone_of(part), BoneRule::exact);
       posed.ball = ball_around(part);
       posed.joint_from_rest = rest_from_joint[posed.joint].inverse();
+      posed.warped = !actor.part_warps.empty();
+      if (posed.warped) posed.joint_from_rest = posed.joint_from_rest * actor.part_warps[part];
       posed.world_from_rest.setIdentity();
     }
-  move(character.rest_dofs);
+  move(character_.rest_dofs);
 }
 
 PosedBody::Ball PosedBody::ball_around(Part part) {
-  const auto between = [&](const Vector3d& a, const Vector3d& b, double wide) {
-    const Vector3d centre = 0.5 * (a + b);
-    return Ball{part >= kRightArm ? mirrored(centre) : centre, 0.5 * (a - b).norm() + wide};
-  };
-  switch (part >= kRightArm ? part - kLimbParts : part) {
-    case kTorso:
-      return between({0, 0.9, 0}, {0, 1.4, 0}, 0.15);
-    case kLeftForearm:
-      return between(BodyPlan::elbow(), BodyPlan::wrist(), 0.06);
-    case kLeftHand:
-      return between(BodyPlan::wrist(), BodyPlan::fingertip(), 0.06);
-    case kLeftThigh:
-      return between(BodyPlan::hip(), BodyPlan::knee(), 0.1);
-    case kLeftShin:
-      return between(BodyPlan::knee(), BodyPlan::ankle(), 0.08);
-    default:
-      return between({0.107, 0.1, -0.06}, BodyPlan::toe(), 0.1);  // a foot
-  }
+  const PartAxis axis = part_axis(part);
+  return {0.5 * (axis.from + axis.to), 0.5 * (axis.from - axis.to).norm() + axis.radius};
 }
 
 void PosedBody::move(const std::vector<double>& dofs) {
@@ -81,7 +67,7 @@ void PosedBody::move(const std::vector<double>& dofs) {
       PosedPart& posed = parts_[part];
       const Affine3d before = posed.world_from_rest;
       posed.world_from_rest = world_from_joint[posed.joint] * posed.joint_from_rest;
-      posed.rest_from_world = posed.world_from_rest.inverse(Eigen::Isometry);
+      posed.rest_from_world = posed.world_from_rest.inverse(posed.warped ? Eigen::Affine : Eigen::Isometry);
       posed.before_from_now = before * posed.rest_from_world;
     }
 }

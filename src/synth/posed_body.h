@@ -16,13 +16,13 @@ namespace doppel::synth {
 /// Each part of the body field is rigid on its bone. A point is moved into the rest pose by the inverse transform of
 /// each bone near it, and the distance to the bone's part is taken there; the distances are then joined as in the body
 /// field. This is exact away from the joints and needs no inverse of the blended skinning, which is ambiguous between
-/// the legs. At a joint the parts are round cones with one common end, so the surface has no gap in any pose. The
-/// blended skin is up to 2 cm farther out near a bent knee; `SkinPatch` adds it. Hands and legs are not joined with
-/// each other.
+/// the legs. Of another body than the actor's own, each part is the affine image of its own part (Actor::part_warps).
+/// At a joint the parts are round cones with one common end, so the surface has no gap in any pose. The blended skin is
+/// up to 2 cm farther out near a bent knee; `SkinPatch` adds it. Hands and legs are not joined with each other.
 class PosedBody {
  public:
-  /// @param character with the bones of `make_actor`; must outlive the body
-  explicit PosedBody(const Character& character);
+  /// @param actor must outlive the body
+  explicit PosedBody(const Actor& actor);
 
   /// Moves the body. The former pose becomes the start of the motion in `touch`.
   /// @param dofs [D]
@@ -44,7 +44,7 @@ class PosedBody {
   Near near(const Group& group, const Eigen::Vector3d& p) const;
   Eigen::Vector3d gradient(const Group& group, const Eigen::Vector3d& p) const;
 
-  /// A ball around a part in the rest pose.
+  /// A ball around a part in the rest pose of the actor's own body.
   struct Ball {
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
     double radius = 0;
@@ -54,6 +54,7 @@ class PosedBody {
   /// A part on its bone.
   struct PosedPart {
     int joint = 0;
+    bool warped = false;  ///< the body is not the actor's own, so the maps are not rigid
     Ball ball;
     Eigen::Affine3d joint_from_rest, world_from_rest, rest_from_world;
     Eigen::Affine3d before_from_now;  ///< where a point of the part was in the former pose, both in the world

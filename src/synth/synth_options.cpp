@@ -65,11 +65,6 @@ void check_options(const SynthOptions& o) {
   if (o.size % 2 != 0)
     fail<UsageError>("doppel synth: the image size is {}; video encoders need an even number", o.size);
   if (o.body != kOwnBody) measures_of(o.body);  // refuses a word that names no body
-  if (o.body != kOwnBody && o.cloth.model == ClothModel::xpbd)
-    fail<UsageError>(
-        "doppel synth: the cloth model xpbd touches the actor's own body only, and the body is '{}'; give --cloth "
-        "springs, or leave --body away",
-        o.body);
   if (o.movements == Movements::varied && o.turn != 0)
     fail<UsageError>("doppel synth: a person with varied movements turns by herself; leave --turn out");
   if (!(std::abs(o.turn) <= kMaxTurn))

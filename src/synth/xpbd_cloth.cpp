@@ -73,12 +73,7 @@ class Surroundings : public Obstacle {
  public:
   Surroundings(const Actor& actor, const std::vector<ClothRole>& roles, const std::vector<int>& actor_vertex,
                const XpbdOptions& options)
-      : actor_(actor),
-        roles_(roles),
-        actor_vertex_(actor_vertex),
-        options_(options),
-        body_(actor.character),
-        skin_(actor) {
+      : actor_(actor), roles_(roles), actor_vertex_(actor_vertex), options_(options), body_(actor), skin_(actor) {
     mesh_.faces = actor.character.mesh.faces;
   }
 
@@ -327,7 +322,7 @@ std::vector<ClothRole> cloth_roles(const Actor& actor, double pinned) {
   const BodyField field;
   std::vector<ClothRole> roles(c.mesh.vertices.size(), ClothRole::skin);
   for (std::size_t v = 0; v < roles.size(); ++v) {
-    const Vector3d& p = c.mesh.vertices[v];
+    const Vector3d& p = actor.own_rest[v];
     if (actor.looseness[v] < pinned) continue;
     if (c.labels[v] == kUpperClothes) roles[v] = ClothRole::knitted;
     if (c.labels[v] == kSkirtLabel && p.y() < BodyPlan::kWaist - kBand)

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "doppel/nets/egnet.h"
+#include "doppel/train/chroma_term.h"
 #include "doppel/train/pose_noise.h"
 #include "doppel/train/run_config.h"
 #include "doppel/train/trainer.h"
@@ -11,7 +12,7 @@ namespace doppel {
 struct EgNetRunConfig {
   RunSubject subject;
 
-  LoaderOptions loader = stage_loader(40, 40);
+  LoaderOptions loader = image_loader(40, 40);  ///< images where the chroma counts
   PoseNoiseOptions noise;
 
   EgNetConfig model;
@@ -24,6 +25,9 @@ struct EgNetRunConfig {
   /// Weight of the mean squared distance from the skinned surface, per square metre (anchor.h). Masks do not show how
   /// vertices slide along the surface; this term keeps the smallest deformation that explains the masks.
   double anchor_weight = 0.0;
+  /// Compares the unlit static texture with the images. Colours show how vertices slide along the surface. Not in the
+  /// thesis, which uses colours in DeltaNet only.
+  ChromaTermOptions chroma;
   SilhouetteOptions silhouette;
 
   TrainerOptions trainer;

@@ -34,7 +34,8 @@ class EgNetStage : public CaptureStage {
   EgNet network_;
   CharacterSurface surface_;
   ArapGraph arap_graph_;
-  torch::Tensor faces_;  // int32 [F,3]
+  RenderMesh mesh_;
+  torch::Tensor texture_;  // float32 [1,Th,Tw,3]; undefined without chroma
   PoseNoise noise_;
 };
 

@@ -162,6 +162,45 @@ TEST(EmbeddedGraphReference, GeodesicRadiusIsThreeMeanEdges) {
   EXPECT_NEAR(graph.weights[graph.vertex_nodes.offsets[3]], w(2.0) / sum, 1e-12);
 }
 
+TEST(EmbeddedGraphReference, SmoothWeightsEndAtZero) {
+  GraphOptions options;
+  options.metric = GraphMetric::geodesic;
+  options.falloff = GraphFalloff::smooth;
+  options.adaptive_radius = false;
+  const TriangleMesh mesh = strip(1);  // four sides of 1 and a diagonal
+  const EmbeddedGraph graph = build_graph(mesh, triangle({0, 0, 0}, {1, 0, 0}, {0, 1, 0}), options);
+  const double reach = 1.5 * 3.0 * (4.0 + std::sqrt(2.0)) / 5.0;
+  const auto w = [&](double d) { return std::pow(1.0 - std::pow(d / reach, 2), 2); };
+  // Vertex 3 (1,1): 2 along the sides from vertex 0, 1 from vertices 2 and 1.
+  ASSERT_EQ(graph.vertex_nodes.size(3), 3);
+  EXPECT_NEAR(graph.weights[graph.vertex_nodes.offsets[3]], w(2.0) / (w(2.0) + 2.0 * w(1.0)), 1e-12);
+}
+
+/// The largest difference of a node's weights at the two ends of an edge.
+double largest_step(const TriangleMesh& mesh, const EmbeddedGraph& graph) {
+  const auto weight = [&](int v, int node) {
+    for (int i = graph.vertex_nodes.offsets[v]; i < graph.vertex_nodes.offsets[v + 1]; ++i)
+      if (graph.vertex_nodes.items[i] == node) return graph.weights[i];
+    return 0.0;
+  };
+  double largest = 0.0;
+  for (const auto& [a, b] : MeshTopology(mesh).edges())
+    for (int node = 0; node < graph.num_nodes(); ++node)
+      largest = std::max(largest, std::abs(weight(a, node) - weight(b, node)));
+  return largest;
+}
+
+TEST(EmbeddedGraphReference, SmoothWeightsHaveSmallerStepsAlongEdges) {
+  const Character character = make_test_character(5, 12, 40);
+  GraphOptions options;
+  options.metric = GraphMetric::geodesic;
+  const EmbeddedGraph truncated = build_graph(character.mesh, 100, options);
+  options.falloff = GraphFalloff::smooth;
+  const EmbeddedGraph smooth = build_graph(character.mesh, 100, options);
+  EXPECT_LT(largest_step(character.mesh, smooth), 0.7 * largest_step(character.mesh, truncated));
+  for (int v = 0; v < character.num_vertices(); ++v) EXPECT_NEAR(row_sum(smooth, v), 1.0, 1e-14);
+}
+
 TEST(EmbeddedGraphReference, DecimationGivesAboutTheNodesAskedFor) {
   const Character character = make_test_character(5, 12, 40);
   const EmbeddedGraph graph = build_graph(character.mesh, 100);

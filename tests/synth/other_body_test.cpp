@@ -11,7 +11,9 @@
 #include "doppel/rigging/body/girths.h"
 #include "doppel/rigging/body/measures.h"
 #include "doppel/synth/performance.h"
+#include "doppel/synth/posed_body.h"
 #include "doppel/synth/synth.h"
+#include "doppel/synth/xpbd_cloth.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
@@ -159,15 +161,52 @@ TEST(OtherBody, IsFilmedAsPlausiblyAsTheActor) {
   }
 }
 
-TEST(OtherBody, IsRefusedByClothThatKnowsTheActorsBodyOnly) {
-  const support::TemporaryFolder folder;
-  synth::SynthOptions options = short_capture("random:2");
-  options.cloth.model = synth::ClothModel::xpbd;
-  const std::string message =
-      support::message_of<UsageError>([&] { synth::write_synthetic_capture(folder / "capture", options); });
-  EXPECT_THAT(message, HasSubstr("xpbd"));
-  EXPECT_THAT(message, HasSubstr("--cloth springs"));
-  EXPECT_FALSE(std::filesystem::exists(folder / "capture"));
+TEST(OtherBody, IsWhereItsPartsSayForContact) {
+  const Actor own = own_actor();
+  for (const std::uint64_t seed : {2u, 5u, 11u}) {
+    const Actor other = actor_with(random_measures(seed));
+    ASSERT_EQ(other.own_rest, own.character.mesh.vertices);
+    const synth::PosedBody own_body(own), body(other);
+    // Distances of shoes, hands and trousers below the skirt, which no part of the clothes covers.
+    double farthest = 0, moved = 0;
+    for (int v = 0; v < own.character.num_vertices(); ++v) {
+      const Vector3d &before = own.character.mesh.vertices[v], &now = other.character.mesh.vertices[v];
+      const int label = own.character.labels[v];
+      const bool below_skirt = label == 9 && before.y() < 0.45;
+      if (!below_skirt && label != 18 && label != 19) continue;
+      farthest = std::max(farthest, std::abs(body.distance(now) - own_body.distance(before)));
+      moved = std::max(moved, std::abs(own_body.distance(now)));
+    }
+    EXPECT_LT(farthest, 0.012) << "of seed " << seed;
+    EXPECT_GT(moved, 2 * farthest) << "the measures do not test the warp of seed " << seed;
+  }
+}
+
+TEST(OtherBody, WearsClothThatStaysOutOfIt) {
+  const Actor actor = actor_with(random_measures(5));
+  // She stands, then raises a thigh under the skirt.
+  Motion motion;
+  const int lead = synth::lead_in(25), thigh = *actor.character.skeleton.find_dof("LeftUpLeg_rx");
+  for (int f = 0; f < lead + 20; ++f) {
+    motion.frames.push_back(actor.character.rest_dofs);
+    motion.frames.back()[thigh] = 1.2 * std::clamp((f - lead) / 12.0, 0.0, 1.0);
+    motion.ids.push_back(f);
+  }
+  const synth::Take take = synth::perform(actor, motion, 25, {.model = synth::ClothModel::xpbd});
+  const std::vector<synth::ClothRole> roles = synth::cloth_roles(actor, synth::XpbdOptions{}.pinned);
+  EXPECT_EQ(roles, synth::cloth_roles(own_actor(), synth::XpbdOptions{}.pinned));
+  synth::PosedBody body(actor);
+  double deepest = 0, skinned = 0;
+  for (std::size_t f = 0; f < take.ground_truth.size(); ++f) {
+    body.move(take.motion.frames[f]);
+    for (std::size_t v = 0; v < roles.size(); ++v) {
+      if (roles[v] != synth::ClothRole::woven) continue;
+      deepest = std::max(deepest, -body.distance(take.ground_truth[f][v]));
+      skinned = std::max(skinned, -body.distance(take.skinned[f][v]));
+    }
+  }
+  EXPECT_LT(deepest, 0.004);
+  EXPECT_GT(skinned, 0.01) << "the motion does not test the contact";
 }
 
 }  // namespace

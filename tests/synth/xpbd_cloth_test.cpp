@@ -347,7 +347,7 @@ TEST(XpbdCloth, KeepsItsLengthsInFastMotion) {
 
 TEST(XpbdCloth, StaysOutOfTheBodyInFastMotion) {
   const std::vector<ClothRole> role = roles();
-  PosedBody body(actor().character);
+  PosedBody body(actor());
   SkinPatch skin(actor());
   double cloth = 0, lining = 0, skinned = 0;
   for (std::size_t f = 0; f < draped_fast().size(); ++f) {
@@ -456,7 +456,7 @@ TEST(XpbdCloth, NamesTheFrameThatIsNotFinite) {
 }
 
 TEST(PosedBody, HasTheDistancesOfTheBodyFieldInTheRestPose) {
-  const PosedBody body(actor().character);
+  const PosedBody body(actor());
   const BodyField field;
   for (const Vector3d& p : {Vector3d(0.1, 0.4, 0.09), Vector3d(0.1, 0.48, 0.075), Vector3d(-0.2, 0.75, 0.02),
                             Vector3d(0, 0.95, 0.13), Vector3d(-0.1, 0.2, -0.1)}) {
@@ -471,7 +471,7 @@ TEST(PosedBody, HasTheDistancesOfTheBodyFieldInTheRestPose) {
 }
 
 TEST(PosedBody, PushesAPointToItsSurfaceAndMovesWithItsBone) {
-  PosedBody body(actor().character);
+  PosedBody body(actor());
   std::vector<double> dofs = actor().character.rest_dofs;
   const Skeleton& skeleton = actor().character.skeleton;
   dofs[*skeleton.find_dof("LeftUpLeg_rx")] = 0.9;
