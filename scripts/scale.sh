@@ -1,17 +1,16 @@
 #!/usr/bin/env bash
-# Cost by the number of frames (docs/results/scale.md): doppel synth --preset studio with 12 cameras, of which 250, 1,000 and
+# Cost by the number of frames (docs/results/scale.md): four cameras of doppel synth --preset studio, of which 250, 1,000 and
 # all 3,000 training frames are used, and all of them seven times over. Times preparation, training of EGNet and evaluation.
 #   scripts/scale.sh FOLDER      SIZES="250 1000 3000 21000" (the default); multiples of 3,000 repeat the frames
-# Leave the machine alone: an hour on two cores, of which the capture takes half. Resumes after an interruption.
+# Leave the machine alone: 40 minutes on two cores, of which the capture takes 25. Resumes after an interruption.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [ $# -ge 1 ] || { sed -n '2,5s/^# //p' "$0" >&2; exit 2; }
-folder="$1" steps=300
+folder="$1" steps=300 cameras=4
 read -ra sizes <<<"${SIZES:-250 1000 3000 21000}"
 source scripts/figures.sh
 mkdir -p "$folder"
 [ -d "$folder/studio" ] || "$doppel" synth --preset studio --out "$folder/studio" >/dev/null
-cameras=$(find "$folder/studio/background" -name '*.png' | wc -l)
 
 # timed COMMAND ...: runs a command of doppel and prints its seconds; its messages go to steps.log
 timed() {
@@ -20,15 +19,16 @@ timed() {
   "$doppel" "$@" >>"$folder/steps.log" 2>&1 || { echo "$* failed:" && tail -3 "$folder/steps.log"; return 1; } >&2
   echo "$(date +%s.%N) $begin" | awk '{ printf "%.2f", $1 - $2 }'
 }
-# repeated N: the description of the capture with its training sequence N times
-repeated() {
+# described N: the description of the capture with four cameras and its training sequence N times
+described() {
   awk -v times="$1" '
+    /^sequences:/ { print "cameras: [0, 1, 2, 3]" }
     /^  - name: training/ { inside = 1 }
     /^  - name: testing/ { for (i = 2; i <= times; ++i) { text = block; sub(/training/, "training" i, text); printf "%s", text }
                            inside = 0 }
     inside { block = block $0 "\n" }
-    { print }' "$folder/studio/capture.yaml" >"$folder/studio/repeated$1.yaml"
-  echo "$folder/studio/repeated$1.yaml"
+    { print }' "$folder/studio/capture.yaml" >"$folder/studio/times$1.yaml"
+  echo "$folder/studio/times$1.yaml"
 }
 # bytes_of PATH ...: of all files
 bytes_of() { du -cb "$@" | awk 'END { print $1 }'; }
@@ -37,10 +37,10 @@ metric() { awk -v step="\"step\":$2," -v key="\"$3\":" 'index($0, step) { sub(".
 
 # measure FRAMES
 measure() {
-  local frames="$1" prepared="$folder/$1/prepared" run="$folder/$1/run" source="$folder/studio" begin
+  local frames="$1" prepared="$folder/$1/prepared" run="$folder/$1/run" source begin
   [ -f "$folder/$frames.json" ] && return
   rm -rf "${folder:?}/$frames"
-  [ "$frames" -gt 3000 ] && source=$(repeated $((frames / 3000)))
+  source=$(described $((frames > 3000 ? frames / 3000 : 1)))
   local prepare train evaluate pictures evaluated
   prepare=$(timed prepare "$source" --limit-frames "$frames" --image-size 384 --out "$prepared")
   pictures=$(((frames + (frames < 500 ? frames : 500)) * cameras))
@@ -68,7 +68,7 @@ row() {
   echo
 }
 {
-  printf '| training frames, %s cameras |' "$cameras"
+  printf '| training frames of %s cameras |' "$cameras"
   printf ' %s |' "${sizes[@]}"
   printf '\n|---|'
   printf -- '---:|%.0s' "${sizes[@]}"

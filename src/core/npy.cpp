@@ -181,23 +181,24 @@ NpyItems::NpyItems(const std::filesystem::path& path) : path_(path), file_(path,
   file_.read(head.data(), static_cast<std::streamsize>(head.size()));
   head.resize(as_size(file_.gcount()));
   file_.clear();
-  const Layout layout = parse_header(head, std::filesystem::file_size(path), {path.string()});
-  if (layout.type != "<f4" || layout.shape.empty())
-    fail_at({path.string()}, "holds items of type '{}' and the shape {}; needed are <f4 and at least one axis",
+  Layout layout = parse_header(head, std::filesystem::file_size(path), {path.string()});
+  if ((layout.type != "<f4" && layout.type != "<f8") || layout.shape.empty())
+    fail_at({path.string()}, "holds items of type '{}' and the shape {}; needed are <f4 or <f8 and at least one axis",
             layout.type, shape_text(layout.shape));
+  type_ = layout.type;
+  shape_ = std::move(layout.shape);
   begin_ = static_cast<std::streamoff>(layout.begin);
-  items_ = layout.shape[0];
-  for (std::size_t axis = 1; axis < layout.shape.size(); ++axis) item_size_ *= layout.shape[axis];
 }
 
 std::vector<float> NpyItems::read(std::int64_t item) {
-  if (item < 0 || item >= items_) fail("{} has items 0 to {}, asked for {}", path_.string(), items_ - 1, item);
-  std::vector<float> values(as_size(item_size_));
-  const auto bytes = static_cast<std::streamsize>(values.size() * sizeof(float));
-  file_.seekg(begin_ + item * bytes);
-  file_.read(reinterpret_cast<char*>(values.data()), bytes);
+  if (item < 0 || item >= size()) fail("{} has items 0 to {}, asked for {}", path_.string(), size() - 1, item);
+  std::int64_t size = item_size(type_);
+  for (std::size_t axis = 1; axis < shape_.size(); ++axis) size *= shape_[axis];
+  std::vector<std::uint8_t> bytes(as_size(size));
+  file_.seekg(begin_ + item * size);
+  file_.read(reinterpret_cast<char*>(bytes.data()), size);
   if (!file_) fail("reading item {} of {}: the file ends, or the disk failed", item, path_.string());
-  return values;
+  return type_ == "<f4" ? convert<float, float>(bytes) : convert<double, float>(bytes);
 }
 
 NpyStream::NpyStream(const std::filesystem::path& path, std::vector<std::int64_t> item_shape)

@@ -37,21 +37,23 @@ std::string npy_bytes(const void* data, const std::string& type, const std::vect
 void write_npy(const std::filesystem::path& path, const float* data, const std::vector<std::int64_t>& shape);
 void write_npy(const std::filesystem::path& path, const double* data, const std::vector<std::int64_t>& shape);
 
-/// Reads a float32 array item by item along its first axis, without holding the array in memory.
+/// Reads an array of floating-point numbers item by item along its first axis, without holding the array in memory.
 class NpyItems {
  public:
-  /// @throws FileError as read_npy, and for another type than `<f4`
+  /// @throws FileError as read_npy, and for another type than `<f4` and `<f8`
   explicit NpyItems(const std::filesystem::path& path);
 
-  std::int64_t size() const { return items_; }  ///< items
+  std::int64_t size() const { return shape_[0]; }  ///< items
+  const std::vector<std::int64_t>& shape() const { return shape_; }
   /// The values of one item, of which each has the same number. @throws Error when there is no such item
   std::vector<float> read(std::int64_t item);
 
  private:
   std::filesystem::path path_;
   std::ifstream file_;
+  std::string type_;
+  std::vector<std::int64_t> shape_;
   std::streamoff begin_ = 0;
-  std::int64_t items_ = 0, item_size_ = 1;
 };
 
 /// Writes a float32 array whose first axis grows frame by frame, without holding the array in memory.

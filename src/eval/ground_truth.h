@@ -4,8 +4,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <vector>
 
+#include "doppel/core/npy.h"
 #include "doppel/data/dataset/dataset.h"
 
 namespace doppel {
@@ -15,7 +17,7 @@ namespace doppel {
 torch::Tensor read_surfaces(const std::filesystem::path& path, std::int64_t num_vertices);
 
 /// The ground-truth vertices of the sequences that have them (`ground_truth/<sequence>/vertices.npy`, [frames of the
-/// motion,N,3] metres), each file read once.
+/// motion,N,3] metres). One frame is read at a time, so the memory does not depend on the number of frames.
 class GroundTruth {
  public:
   explicit GroundTruth(const Dataset& dataset);
@@ -25,7 +27,7 @@ class GroundTruth {
 
  private:
   std::vector<std::filesystem::path> paths_;  ///< of each sequence, empty without one
-  std::vector<torch::Tensor> vertices_;
+  std::vector<std::optional<NpyItems>> surfaces_;
 };
 
 }  // namespace doppel

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -24,9 +25,8 @@ class MakingFolder {
 
   const std::filesystem::path& path() const { return making_; }
   std::string name() const { return target_.filename().string(); }
-  /// Something has been made that the next run need not make again.
+  /// Something has been made that the next run need not make again. Any thread may say so.
   void keep() { kept_ = true; }
-  bool kept() const { return kept_; }
   /// Moves the complete capture to its place.
   void put_in_place();
 
@@ -36,7 +36,7 @@ class MakingFolder {
   void find_rest(const std::string& work, bool force);
 
   std::filesystem::path target_, making_;
-  bool kept_ = false;
+  std::atomic<bool> kept_{false};
   std::optional<FolderLock> lock_;
 };
 

@@ -10,6 +10,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
+#include "doppel/core/process.h"
 #include "doppel/core/progress.h"
 #include "doppel/core/workers.h"
 #include "doppel/geometry/image_file.h"
@@ -95,17 +96,25 @@ class CaptureJob {
     Progress progress(title, steps);
     steps_done_ = 0;
     long shown = 0;
-    crew_.share(items, work, [&] {
+    const auto show = [&] {
       const long steps_now = steps_done_;
       progress.advance(steps_now - shown);
       shown = steps_now;
-    });
+    };
+    try {
+      crew_.share(items, work, show);
+    } catch (const Error&) {
+      if (!stop_requested()) throw;  // otherwise a simulation in the middle of a take says that it was stopped
+    }
   }
 
   /// Makes the true surfaces and the poses of a sequence.
   bool simulate(const SequencePlan& sequence) {
     const fs::path surfaces = surfaces_file(set_.root, sequence.name), folder = set_.root / sequence.name;
-    if (fs::exists(surfaces) && fs::exists(motion_rows_file(folder))) return true;
+    if (fs::exists(surfaces) && fs::exists(motion_rows_file(folder))) {
+      remove_takes(sequence);
+      return true;
+    }
     if (!options().shards.empty()) {
       take_over(surfaces_file(options().shards[0], sequence.name), surfaces);
       take_over(motion_rows_file(options().shards[0] / sequence.name), motion_rows_file(folder));
@@ -122,6 +131,7 @@ class CaptureJob {
     });
     if (!crew_.wanted()) return false;
     join_takes(sequence);
+    remove_takes(sequence);
     return true;
   }
 
@@ -134,7 +144,7 @@ class CaptureJob {
     kept_();
   }
 
-  /// Joins the files of the takes, and removes them.
+  /// Joins the files of the takes.
   void join_takes(const SequencePlan& sequence) {
     const Character& c = set_.actor.character;
     Motion motion;
@@ -149,6 +159,9 @@ class CaptureJob {
     }
     write_motion_rows(set_.root / sequence.name, motion);
     all.close();
+  }
+
+  void remove_takes(const SequencePlan& sequence) const {
     for (std::size_t k = 0; k < sequence.takes.size(); ++k)
       for (const char* extension : {".npy", ".motion"}) fs::remove(take_file(sequence, k, extension));
   }

@@ -339,7 +339,7 @@ std::vector<Points> drape_clothes(const Actor& actor, const std::vector<Points>&
   if (worn.empty()) return surfaces;
   Drape drape(actor, worn, motion, fps, options);
   for (std::size_t f = 0; f < worn.size(); ++f) {
-    if (stop_requested()) fail("simulating the clothes: stopped; nothing was saved");
+    if (stop_requested()) fail("simulating the clothes: stopped in frame {}", f);
     if (f > 0) drape.advance_frame(f - 1);
     surfaces.push_back(drape.surface(f));
   }

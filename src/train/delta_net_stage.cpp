@@ -5,6 +5,8 @@
 #include "doppel/actor/draw.h"
 #include "doppel/core/error.h"
 #include "doppel/losses/anchor.h"
+#include "doppel/losses/images.h"
+#include "doppel/render/shading/shading.h"
 #include "doppel/train/image_sheet.h"
 #include "doppel/train/overlay.h"
 #include "doppel/train/stage_table.h"
@@ -25,21 +27,23 @@ void describe_keys(const Keys& keys, DeltaNetRunConfig& c) {
   keys("model.standardise", c.standardise,
        "scale the inputs by their mean and standard deviation over the training frames");
   describe_keys(keys.section("model"), c.model);
-  keys("loss.chroma", c.chroma.weight, at_least(0.0), "weight, thesis A.2");
+  keys("loss.chroma", c.chroma_weight, at_least(0.0), "weight, thesis A.2");
   keys("loss.silhouette", c.silhouette_weight, at_least(0.0), "weight, thesis A.2");
   keys("loss.laplacian", c.laplacian_weight, at_least(0.0), "weight, thesis A.2");
   describe_keys(keys.section("loss"), c.laplacian);
   keys("loss.anchor", c.anchor_weight, at_least(0.0),
        "weight of the mean squared distance from EGNet's surface, square metres: keeps vertices from sliding along it");
-  describe_keys(keys.section("loss"), c.chroma);
+  keys("loss.smoothing", c.chroma.smoothing, at_least(0.0), "Gaussian on drawing and filmed image, pixels");
   describe_keys(keys.section("loss"), c.silhouette);
   keys("loss.lit", c.lit, "draw under the learnt lighting");
+  keys("loss.target_gradient", c.target_gradient,
+       "add the gradient of the filmed image to that of the drawing: convergence from farther away");
   describe_keys(keys.section("train"), c.trainer);
 }
 
 DeltaNetRunConfig DeltaNetRunConfig::read(const ConfigDocument& document) {
   DeltaNetRunConfig config = read_run<DeltaNetRunConfig>(document, "deltanet");
-  config.loader.images = config.chroma.weight > 0.0;
+  config.loader.images = config.chroma_weight > 0.0;
   return config;
 }
 
@@ -52,8 +56,8 @@ DeltaNetStage::DeltaNetStage(const Dataset& dataset, TrainedActor& actor, const 
                at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
       laplacian_graph_(actor.character, config.laplacian),
       noise_(actor.character.skeleton, config.noise) {
-  if (config.chroma.weight > 0.0) actor.require_texture("deltanet with loss.chroma > 0");
-  if (config.chroma.weight > 0.0 && config.lit && !actor.lighting)
+  if (config.chroma_weight > 0.0) actor.require_texture("deltanet with loss.chroma > 0");
+  if (config.chroma_weight > 0.0 && config.lit && !actor.lighting)
     fail<UsageError>(
         "deltanet: loss.lit is true and the stage `lighting` has not been trained; train it first, or set "
         "loss.lit to false");
@@ -84,10 +88,7 @@ LossTerms DeltaNetStage::loss(const Batch& batch, StepContext& context) {
     fine = network_->displaced(actor_.surface, last_rows(batch.dofs, config_.model.past_frames), A, T, D);
   }
   LossTerms terms;
-  if (config_.chroma.weight > 0.0) {
-    const torch::Tensor lighting = config_.lit ? actor_.lighting->forward(batch.cameras).detach() : torch::Tensor();
-    terms.push_back(chroma_term(batch, fine, *actor_.mesh, {actor_.static_texture, lighting}, config_.chroma, profile));
-  }
+  if (config_.chroma_weight > 0.0) terms.push_back(chroma(batch, fine, profile));
   const SilhouetteLoss silhouette = batch_silhouette_loss(fine, actor_.mesh->faces, batch, config_.silhouette, profile);
   const auto views = [batch] { return silhouette_views(batch); };
   terms.push_back({"model_to_data", silhouette.model_to_data, config_.silhouette_weight, views});
@@ -96,6 +97,24 @@ LossTerms DeltaNetStage::loss(const Batch& batch, StepContext& context) {
   terms.push_back({"laplacian", laplacian_loss(fine, coarse, laplacian_graph_), config_.laplacian_weight});
   if (config_.anchor_weight > 0.0) terms.push_back({"anchor", anchor_loss(fine, coarse), config_.anchor_weight});
   return terms;
+}
+
+LossTerm DeltaNetStage::chroma(const Batch& batch, const torch::Tensor& vertices, Profile& profile) {
+  ShadedImage drawn;
+  torch::Tensor target;
+  {
+    ProfileScope scope(profile, "draw");
+    const torch::Tensor lighting = config_.lit ? actor_.lighting->forward(batch.cameras).detach() : torch::Tensor();
+    drawn = draw(*actor_.mesh, vertices, {actor_.static_texture, lighting}, batch.image_projection, batch.image.size(2),
+                 batch.image.size(3));
+    target = image_float(batch.image);
+    if (config_.target_gradient)
+      target = target_on_surface(vertices, batch.image_projection, *actor_.mesh, target, TargetOptions{}, &drawn);
+  }
+  ProfileScope scope(profile, "chroma");
+  return {"chroma", chroma_loss(drawn.colour, drawn.mask, target, batch.image_mask, config_.chroma),
+          config_.chroma_weight,
+          [mask = drawn.mask, person = batch.image_mask] { return static_cast<double>(chroma_pixels(mask, person)); }};
 }
 
 std::pair<torch::Tensor, torch::Tensor> DeltaNetStage::surfaces(const torch::Tensor& dof_window) {

@@ -1,9 +1,9 @@
 #pragma once
 
 #include "doppel/actor/trained_actor.h"
+#include "doppel/losses/chroma.h"
 #include "doppel/losses/laplacian.h"
 #include "doppel/train/capture_stage.h"
-#include "doppel/train/chroma_term.h"
 #include "doppel/train/pose_noise.h"
 #include "doppel/train/run_config.h"
 #include "doppel/train/trainer.h"
@@ -19,13 +19,15 @@ struct DeltaNetRunConfig {
   DeltaNetConfig model;
   bool standardise = true;  ///< scale the network's inputs by their statistics over the training frames
 
-  ChromaTermOptions chroma{.weight = 0.03775};  ///< thesis A.2
-  double silhouette_weight = 500.0;             ///< of the sums of squared residuals (silhouette.h), thesis A.2
-  double laplacian_weight = 1e5;                ///< per squared metre, thesis A.2
+  double chroma_weight = 0.03775;    ///< per squared level of 255, thesis A.2
+  double silhouette_weight = 500.0;  ///< of the sums of squared residuals (silhouette.h), thesis A.2
+  double laplacian_weight = 1e5;     ///< per squared metre, thesis A.2
   LaplacianOptions laplacian;
   double anchor_weight = 0.0;  ///< per squared metre of the mean squared distance from EGNet's surface
+  ChromaOptions chroma;
   SilhouetteOptions silhouette;
-  bool lit = true;  ///< draw with the trained lighting (false: an ablation)
+  bool lit = true;              ///< draw with the trained lighting (false: an ablation)
+  bool target_gradient = true;  ///< add the gradient of the filmed image to that of the drawn image
 
   TrainerOptions trainer;
 
@@ -52,6 +54,7 @@ class DeltaNetStage : public CaptureStage {
   DeltaNet& network() { return network_; }
 
  private:
+  LossTerm chroma(const Batch& batch, const torch::Tensor& vertices, Profile& profile);
   /// V_co and V_fi of motion windows, both [B,N,3], without noise.
   std::pair<torch::Tensor, torch::Tensor> surfaces(const torch::Tensor& dof_window);
 

@@ -17,10 +17,6 @@ void describe_keys(const Keys& keys, EgNetRunConfig& c) {
   keys("loss.anchor", c.anchor_weight, at_least(0.0),
        "weight of the mean squared distance from the skinned surface, square metres: clothes do not slide along the "
        "body where the masks do not show it");
-  keys("loss.chroma", c.chroma.weight, at_least(0.0),
-       "weight of the chroma of the unlit static texture against the images: shows how vertices slide along the "
-       "surface");
-  describe_keys(keys.section("loss"), c.chroma);
   describe_keys(keys.section("loss"), c.silhouette);
   describe_keys(keys.section("train"), c.trainer);
 }

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "doppel/nets/egnet.h"
-#include "doppel/train/chroma_term.h"
 #include "doppel/train/pose_noise.h"
 #include "doppel/train/run_config.h"
 #include "doppel/train/trainer.h"
@@ -12,7 +11,7 @@ namespace doppel {
 struct EgNetRunConfig {
   RunSubject subject;
 
-  LoaderOptions loader = image_loader(40, 40);  ///< images where the chroma counts
+  LoaderOptions loader = stage_loader(40, 40);
   PoseNoiseOptions noise;
 
   EgNetConfig model;
@@ -25,9 +24,6 @@ struct EgNetRunConfig {
   /// Weight of the mean squared distance from the skinned surface, per square metre (anchor.h). Masks do not show how
   /// vertices slide along the surface; this term keeps the smallest deformation that explains the masks.
   double anchor_weight = 0.0;
-  /// Compares the unlit static texture with the images. Colours show how vertices slide along the surface. Not in the
-  /// thesis, which uses colours in DeltaNet only.
-  ChromaTermOptions chroma;
   SilhouetteOptions silhouette;
 
   TrainerOptions trainer;

@@ -1,6 +1,6 @@
 #include "doppel/train/egnet_stage.h"
 
-#include "doppel/core/error.h"
+#include "doppel/render/mesh/face_tensor.h"
 #include "doppel/train/stage_table.h"
 
 namespace doppel {
@@ -12,29 +12,17 @@ constexpr std::size_t kEgNetStatisticsFrames = 2048;
 /// Lower bound of the standard deviation of an input, metres and radians.
 constexpr double kEgNetFeatureFloor = 0.01;
 
-/// Images are loaded where their colours count.
-LoaderOptions loader_of(const EgNetRunConfig& config) {
-  LoaderOptions options = config.loader;
-  options.images = config.chroma.weight > 0.0;
-  return options;
-}
-
 }  // namespace
 
 EgNetStage::EgNetStage(const Dataset& dataset, const Character& character, const EgNetRunConfig& config)
-    : CaptureStage(dataset, character, loader_of(config)),
+    : CaptureStage(dataset, character, config.loader),
       config_(config),
       network_(character, config.model,
                at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
       surface_(character),
       arap_graph_(character),
-      mesh_(character.mesh),
+      faces_(face_tensor(character.mesh)),
       noise_(character.skeleton, config.noise) {
-  if (config_.chroma.weight > 0.0) {
-    if (!mesh_.has_uvs() || character.mesh.texture.empty())
-      fail<UsageError>("egnet with loss.chroma > 0: the template has no texture; set loss.chroma to 0");
-    texture_ = texture_tensor(character.mesh);
-  }
   if (!config_.standardise) return;
   const auto [mean, std] =
       input_statistics(training_windows(kEgNetStatisticsFrames, config_.model.past_frames),
@@ -55,7 +43,7 @@ LossTerms EgNetStage::loss(const Batch& batch, StepContext& context) {
     ProfileScope scope(profile, "layers");
     vertices = surface_->deformed(dofs, A, T);
   }
-  const SilhouetteLoss silhouette = batch_silhouette_loss(vertices, mesh_.faces, batch, config_.silhouette, profile);
+  const SilhouetteLoss silhouette = batch_silhouette_loss(vertices, faces_, batch, config_.silhouette, profile);
   {
     ProfileScope scope(profile, "arap");
     arap = arap_loss(A, T, arap_graph_);
@@ -64,8 +52,6 @@ LossTerms EgNetStage::loss(const Batch& batch, StepContext& context) {
   LossTerms terms{{"model_to_data", silhouette.model_to_data, config_.silhouette_weight, views},
                   {"data_to_model", silhouette.data_to_model, config_.silhouette_weight, views},
                   {"arap", arap, config_.arap_weight}};
-  if (config_.chroma.weight > 0.0)
-    terms.push_back(chroma_term(batch, vertices, mesh_, {texture_, {}}, config_.chroma, profile));
   if (config_.anchor_weight > 0.0) {
     ProfileScope scope(profile, "anchor");
     terms.push_back({"anchor", anchor_loss(vertices, surface_->skinned(dofs)), config_.anchor_weight});
@@ -89,7 +75,7 @@ void EgNetStage::prepare_evaluation() {
 }
 
 std::vector<ReportImage> EgNetStage::images() {
-  return outline_images(mesh_.faces, "skinning blue, EGNet red", [this](const SampleId& sample) {
+  return outline_images(faces_, "skinning blue, EGNet red", [this](const SampleId& sample) {
     const torch::Tensor window = dataset().dof_window(sample, config_.model.history()).unsqueeze(0);
     const auto [A, T] = network_->forward(window);
     const torch::Tensor dofs = window.select(1, -1).contiguous();

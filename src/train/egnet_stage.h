@@ -34,8 +34,7 @@ class EgNetStage : public CaptureStage {
   EgNet network_;
   CharacterSurface surface_;
   ArapGraph arap_graph_;
-  RenderMesh mesh_;
-  torch::Tensor texture_;  // float32 [1,Th,Tw,3]; undefined without chroma
+  torch::Tensor faces_;  // int32 [F,3]
   PoseNoise noise_;
 };
 

@@ -70,15 +70,19 @@ TEST(NpyItems, ReadsWhatTheStreamWroteInAnyOrder) {
   NpyItems items(folder / "s.npy");
   ASSERT_EQ(items.size(), 5);
   for (const int item : {4, 0, 3}) EXPECT_EQ(items.read(item), std::vector<float>(6, static_cast<float>(item)));
+  EXPECT_EQ(items.shape(), (std::vector<std::int64_t>{5, 2, 3}));
   EXPECT_THROW(items.read(5), Error);
   EXPECT_THROW(items.read(-1), Error);
+  const std::vector<double> doubles{1, 2, 3, 4, 5, 6};
+  write_npy(folder / "d.npy", doubles.data(), {2, 3});
+  EXPECT_EQ(NpyItems(folder / "d.npy").read(1), (std::vector<float>{4, 5, 6}));
 }
 
 TEST(NpyItems, RefusesOtherTypesAndTruncatedFiles) {
   const TemporaryFolder folder;
-  const std::vector<double> values(6, 1.0);
-  write_npy(folder / "d.npy", values.data(), {2, 3});
-  EXPECT_THROW(NpyItems(folder / "d.npy"), FileError);
+  const std::vector<std::int32_t> values(6, 1);
+  write_atomically(folder / "i.npy", npy_bytes(values.data(), "<i4", {2, 3}));
+  EXPECT_THROW(NpyItems(folder / "i.npy"), FileError);
   const std::vector<float> floats(6, 1.0f);
   const std::string whole = npy_bytes(floats.data(), "<f4", {2, 3});
   write_atomically(folder / "t.npy", whole.substr(0, whole.size() - 1));

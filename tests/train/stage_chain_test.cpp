@@ -394,7 +394,7 @@ TEST(StageChainConfigReference, ShippedConfigurationsAreRead) {
   const StageChain paper = StageChain::read(
       ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/ddc.yaml", {"capture=/somewhere"}));
   const auto delta = DeltaNetRunConfig::read(paper.stage("deltanet"));
-  EXPECT_EQ(delta.chroma.weight, 0.03775);
+  EXPECT_EQ(delta.chroma_weight, 0.03775);
   EXPECT_EQ(delta.silhouette_weight, 500.0);
   EXPECT_EQ(delta.laplacian_weight, 1e5);
   EXPECT_EQ(delta.trainer.iterations, 360000);
