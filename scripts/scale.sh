@@ -49,11 +49,10 @@ measure() {
   evaluate=$(timed evaluate --run "$run" --split train --every $((frames / 50)))
   evaluated=$((50 * cameras))
   local records="$run/egnet/metrics.jsonl"
-  [ -f "$records" ] || records=$(find "$run" -name metrics.jsonl | head -1)
   begin=$(metric "$records" 100 seconds)
   awk -v prepare="$prepare" -v pictures="$pictures" -v bytes="$(bytes_of "$prepared/store")" -v train="$train" \
     -v first="$begin" -v last="$(metric "$records" $steps seconds)" -v steps=$steps \
-    -v memory="$(metric "$records" $steps memory_mb)" -v checkpoint="$(bytes_of "$(find "$run" -path '*checkpoints*' -type f | head -1)")" \
+    -v memory="$(metric "$records" $steps memory_mb)" -v checkpoint="$(bytes_of "$(find "$run" -name 'step-*.pt' | head -1)")" \
     -v evaluate="$evaluate" -v evaluated="$evaluated" 'BEGIN {
       printf "{\"prepare\": %f, \"stored\": %f, \"start\": %f, \"step\": %f, \"memory\": %f, \"checkpoint\": %f, \"evaluate\": %f}\n",
         1e3 * prepare / pictures, bytes / pictures / 1024, train - last, 1e3 * (last - first) / (steps - 100), memory,

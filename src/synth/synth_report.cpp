@@ -60,15 +60,15 @@ SynthReport measure_capture(const CaptureSet& set, const std::string& sequence) 
   int vertices = 0, frames = 0;
   for (int f = 0; f < motion.num_frames(); f += stride, ++frames) {
     const Points skinned = skin_motion(c, {{motion.frames[f]}, {0}}, {}).front();
-    const Points truth = as_points(surfaces.read(f));
+    const Points ground_truth = as_points(surfaces.read(f));
     for (int v = 0; v < c.num_vertices(); ++v) {
-      const double moved = (truth[v] - skinned[v]).norm();
+      const double moved = (ground_truth[v] - skinned[v]).norm();
       report.largest_displacement = std::max(report.largest_displacement, moved);
       if (set.actor.looseness[v] < 0.05) continue;
       report.mean_displacement += moved;
       ++vertices;
     }
-    report.skinning_iou += silhouette_iou(rasterizer, set.cameras, skinned, truth);
+    report.skinning_iou += silhouette_iou(rasterizer, set.cameras, skinned, ground_truth);
   }
   report.mean_displacement /= std::max(vertices, 1);
   report.skinning_iou /= std::max(frames, 1);
