@@ -41,21 +41,21 @@ measure() {
   [ -f "$folder/$frames.json" ] && return
   rm -rf "${folder:?}/$frames"
   source=$(described $((frames > 3000 ? frames / 3000 : 1)))
-  local prepare train evaluate pictures evaluated
+  local prepare train evaluate images evaluated
   prepare=$(timed prepare "$source" --limit-frames "$frames" --image-size 384 --out "$prepared")
-  pictures=$(((frames + (frames < 500 ? frames : 500)) * cameras))
+  images=$(((frames + (frames < 500 ? frames : 500)) * cameras))
   train=$(timed train configs/small/ddc.yaml --stages egnet --set capture="$prepared" --set egnet.train.iterations=$steps \
     --set egnet.train.checkpoint_every=$steps --out "$run")
   evaluate=$(timed evaluate --run "$run" --split train --every $((frames / 50)))
   evaluated=$((50 * cameras))
   local records="$run/egnet/metrics.jsonl"
   begin=$(metric "$records" 100 seconds)
-  awk -v prepare="$prepare" -v pictures="$pictures" -v bytes="$(bytes_of "$prepared/store")" -v train="$train" \
+  awk -v prepare="$prepare" -v images="$images" -v bytes="$(bytes_of "$prepared/store")" -v train="$train" \
     -v first="$begin" -v last="$(metric "$records" $steps seconds)" -v steps=$steps \
     -v memory="$(metric "$records" $steps memory_mb)" -v checkpoint="$(bytes_of "$(find "$run" -name 'step-*.pt' | head -1)")" \
     -v evaluate="$evaluate" -v evaluated="$evaluated" 'BEGIN {
       printf "{\"prepare\": %f, \"stored\": %f, \"start\": %f, \"step\": %f, \"memory\": %f, \"checkpoint\": %f, \"evaluate\": %f}\n",
-        1e3 * prepare / pictures, bytes / pictures / 1024, train - last, 1e3 * (last - first) / (steps - 100), memory,
+        1e3 * prepare / images, bytes / images / 1024, train - last, 1e3 * (last - first) / (steps - 100), memory,
         checkpoint / 1048576, 1e3 * evaluate / evaluated }' >"$folder/$frames.json"
 }
 for frames in "${sizes[@]}"; do measure "$frames"; done
@@ -72,11 +72,11 @@ row() {
   printf '\n|---|'
   printf -- '---:|%.0s' "${sizes[@]}"
   echo
-  row "\`prepare\`, ms a picture" prepare 1
-  row "store, KB a picture" stored 1
+  row "\`prepare\`, ms an image" prepare 1
+  row "store, KB an image" stored 1
   row "start and end of \`train\`, s" start 1
   row "EGNet, ms a step" step 1
   row "memory of \`train\`, MB" memory 0
   row "a checkpoint, MB" checkpoint 1
-  row "\`evaluate\`, ms a picture" evaluate 1
+  row "\`evaluate\`, ms an image" evaluate 1
 } | write_table scale "scripts/scale.sh FOLDER"

@@ -62,7 +62,7 @@ void MakingFolder::find_rest(const std::string& work, bool force) {
   }
 }
 
-void MakingFolder::put_in_place() {
+void MakingFolder::publish() {
   const fs::path old = making_.string() + "-old";
   const bool replaces = fs::exists(target_);
   fs::remove(making_ / kWorkFile);

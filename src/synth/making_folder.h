@@ -9,8 +9,8 @@
 
 namespace doppel::synth {
 
-/// The folder in which a capture is made: `.NAME.making` beside its final place, where it is moved when it is complete.
-/// A run that was stopped or killed leaves it, and the next run of the same work goes on in it.
+/// The folder in which a capture is made: `.NAME.making` beside the final folder, whose name it gets when it is
+/// complete. A run that was stopped or killed leaves it, and the next run of the same work goes on in it.
 class MakingFolder {
  public:
   /// @param work what is made; compared with that of a folder which an earlier run has left
@@ -27,8 +27,8 @@ class MakingFolder {
   std::string name() const { return target_.filename().string(); }
   /// Something has been made that the next run need not make again. Any thread may say so.
   void keep() { kept_ = true; }
-  /// Moves the complete capture to its place.
-  void put_in_place();
+  /// Gives the complete capture its name.
+  void publish();
 
  private:
   void find_target(bool force);

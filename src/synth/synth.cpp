@@ -264,7 +264,7 @@ std::optional<SynthReport> write_synthetic_capture(const fs::path& folder, const
   if (making) {
     write_still_files(set, sequences, making->name());
     report = measure_capture(set, sequences[1].name);
-    making->put_in_place();
+    making->publish();
   }
   report.frames = sequences[0].frames();
   report.test_frames = sequences[1].frames();
