@@ -56,7 +56,8 @@ measure() {
     -v evaluate="$evaluate" -v evaluated="$evaluated" 'BEGIN {
       printf "{\"prepare\": %f, \"stored\": %f, \"start\": %f, \"step\": %f, \"memory\": %f, \"checkpoint\": %f, \"evaluate\": %f}\n",
         1e3 * prepare / images, bytes / images / 1024, train - last, 1e3 * (last - first) / (steps - 100), memory,
-        checkpoint / 1048576, 1e3 * evaluate / evaluated }' >"$folder/$frames.json"
+        checkpoint / 1048576, 1e3 * evaluate / evaluated }' >"$folder/$frames.json.part"
+  mv "$folder/$frames.json.part" "$folder/$frames.json"
 }
 for frames in "${sizes[@]}"; do measure "$frames"; done
 

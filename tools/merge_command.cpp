@@ -45,7 +45,7 @@ int run(const MergeArguments& arguments, const CommonOptions& common) {
 
 Command add_merge(CLI::App& program) {
   CLI::App* app = program.add_subcommand(
-      "merge", "Join the shards of prepare, detect, track or evaluate: the result is that of one machine");
+      "merge", "Join the shards of synth, prepare, detect, track or evaluate: the result is that of one machine");
   app->footer(kMergeExample);
   auto arguments = std::make_shared<MergeArguments>();
   app->add_option("shards", arguments->shards, "Folders written with --shard i/n, or folders of such folders")

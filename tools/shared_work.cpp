@@ -19,15 +19,6 @@ namespace fs = std::filesystem;
 
 constexpr std::uintmax_t kMaxChecksumBytes = std::uintmax_t{256} << 20;
 
-std::uint32_t checksum_of(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::vector<char> block(1 << 20);
-  std::uint32_t crc = 0;
-  while (file.read(block.data(), static_cast<std::streamsize>(block.size())) || file.gcount() > 0)
-    crc = crc32c(block.data(), static_cast<std::size_t>(file.gcount()), crc);
-  return crc;
-}
-
 /// @param name for messages @param checksum whether the content is read too
 std::string describe_file(const std::string& name, const fs::path& path, bool checksum) {
   if (!fs::is_regular_file(path)) return name;
@@ -103,6 +94,15 @@ void check_inputs(const CommonOptions& common, ShardFile work) {
 }
 
 }  // namespace
+
+std::uint32_t checksum_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::vector<char> block(1 << 20);
+  std::uint32_t crc = 0;
+  while (file.read(block.data(), static_cast<std::streamsize>(block.size())) || file.gcount() > 0)
+    crc = crc32c(block.data(), static_cast<std::size_t>(file.gcount()), crc);
+  return crc;
+}
 
 std::vector<std::string> capture_inputs(const Capture& capture) {
   std::vector<std::string> lines;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -15,6 +16,9 @@ namespace doppel::tools {
 /// they are large; their sizes are compared. Paths are as written in the capture, so that machines may mount it
 /// elsewhere.
 std::vector<std::string> capture_inputs(const Capture& capture);
+
+/// The CRC-32C of a file.
+std::uint32_t checksum_of(const std::filesystem::path& path);
 
 /// Begins the work of a command that may be a shard or the merge of shards. Does nothing else for the whole work.
 /// As a shard: `out` must be empty, or hold the same shard, which is then made or resumed; writes its `shard.json`.

@@ -86,15 +86,35 @@ void print_json(const std::string& out, const synth::SynthOptions& o, const synt
   fmt::print("{}\n", result.dump(2));
 }
 
+/// What a shard hands to the merge: the checksums of the surfaces that it filmed.
+nlohmann::ordered_json surfaces_of(const std::filesystem::path& folder) {
+  nlohmann::ordered_json sums;
+  for (const char* sequence : {"training", "testing"})
+    sums[sequence] = checksum_of(folder / "ground_truth" / sequence / "vertices.npy");
+  return sums;
+}
+
+/// @throws UsageError when shards have filmed other surfaces than the first
+void check_surfaces(const ShardSet& shards) {
+  for (std::size_t i = 1; i < shards.files.size(); ++i)
+    if (shards.files[i].results != shards.files[0].results)
+      fail<UsageError>(
+          "{} and {} have simulated different surfaces, as machines with other processors may do; make all shards with "
+          "the same DOPPEL_ISA (plain, avx2 or avx512)",
+          shards.folders[0].string(), shards.folders[i].string());
+}
+
 int run(const SynthArguments& arguments, const CLI::App& app, const CommonOptions& common) {
   const synth::SynthOptions options = options_of(arguments, app, common);
+  synth::check_options(options);
+  check_surfaces(common.merged);
   begin_work(common, arguments.out, [] { return std::vector<std::string>(); });
   const std::optional<synth::SynthReport> report = synth::write_synthetic_capture(arguments.out, options);
   if (!report) {
     log::warn("stopped; the same command goes on with the takes and cameras that are missing");
     return 1;
   }
-  finish_work(common, arguments.out, nullptr);
+  finish_work(common, arguments.out, common.shard ? surfaces_of(arguments.out) : nullptr);
   if (!common.merged.empty()) return 0;
   if (common.shard)
     log::info("shard {} of the capture in {}; join the shards with `doppel merge`", common.shard->to_string(),
@@ -112,7 +132,7 @@ Command add_synth(CLI::App& program) {
   app->footer(
       "Examples:\n"
       "  doppel synth --out captures/tiny --preset tiny\n"
-      "  doppel synth --out captures/studio --preset studio --motion walk.bvh");
+      "  doppel synth --out captures/walk --preset small --frames 0 --motion walk.bvh");
   auto arguments = std::make_shared<SynthArguments>();
   app->add_option("--out", arguments->out, "The capture folder to make")->required();
   app->add_option("--preset", arguments->preset,
@@ -125,7 +145,7 @@ Command add_synth(CLI::App& program) {
   app->add_option("--size", arguments->size, "Side of the square images in pixels, instead of the preset's");
   app->add_option("--motion", arguments->motions,
                   "A motion of any body for training, beside the generated ones: .bvh, .glb, .fbx, .npz, .c3d, ... "
-                  "(as in doppel animate). May be repeated; 0 for --frames leaves only these");
+                  "(as in doppel animate). May be repeated; --frames 0 leaves only these");
   app->add_option("--test-motion", arguments->test_motions, "The same for testing");
   app->add_option("--lens", arguments->lens, "pinhole, or fisheye: action cameras near the person")
       ->capture_default_str();
@@ -134,10 +154,12 @@ Command add_synth(CLI::App& program) {
                   "minute longer for small). Default: xpbd for studio, springs for the others");
   app->add_option("--body", arguments->body, "Whose body: actor, average, or random:SEED, e.g. random:7")
       ->capture_default_str();
-  app->add_option("--turn", arguments->turn, "Mean speed at which the person turns, degrees per second (-360 to 360)")
+  app->add_option("--turn", arguments->turn,
+                  "Mean speed at which the person turns, degrees per second (-360 to 360); not with studio")
       ->capture_default_str();
   app->add_option("--seed", arguments->seed, "Seed of motions, cameras and noise")->capture_default_str();
-  app->add_flag("--force", arguments->force, "Replace a synthetic capture in the folder");
+  app->add_flag("--force", arguments->force,
+                "Replace a synthetic capture in the folder, and remove an unfinished one of other options");
   return {app, [app, arguments](const CommonOptions& common) { return run(*arguments, *app, common); }, true};
 }
 

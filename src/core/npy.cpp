@@ -176,7 +176,7 @@ void write_npy(const std::filesystem::path& path, const double* data, const std:
 }
 
 NpyItems::NpyItems(const std::filesystem::path& path) : path_(path), file_(path, std::ios::binary) {
-  if (!file_) fail("opening {}: {}", path.string(), std::strerror(errno));
+  if (!file_) fail_at({path.string()}, "cannot be opened: {}", std::strerror(errno));
   std::string head(kMaxDictionary + 12, '\0');
   file_.read(head.data(), static_cast<std::streamsize>(head.size()));
   head.resize(as_size(file_.gcount()));
@@ -192,11 +192,11 @@ NpyItems::NpyItems(const std::filesystem::path& path) : path_(path), file_(path,
 
 std::vector<float> NpyItems::read(std::int64_t item) {
   if (item < 0 || item >= size()) fail("{} has items 0 to {}, asked for {}", path_.string(), size() - 1, item);
-  std::int64_t size = item_size(type_);
-  for (std::size_t axis = 1; axis < shape_.size(); ++axis) size *= shape_[axis];
-  std::vector<std::uint8_t> bytes(as_size(size));
-  file_.seekg(begin_ + item * size);
-  file_.read(reinterpret_cast<char*>(bytes.data()), size);
+  std::int64_t bytes_each = item_size(type_);
+  for (std::size_t axis = 1; axis < shape_.size(); ++axis) bytes_each *= shape_[axis];
+  std::vector<std::uint8_t> bytes(as_size(bytes_each));
+  file_.seekg(begin_ + item * bytes_each);
+  file_.read(reinterpret_cast<char*>(bytes.data()), bytes_each);
   if (!file_) fail("reading item {} of {}: the file ends, or the disk failed", item, path_.string());
   return type_ == "<f4" ? convert<float, float>(bytes) : convert<double, float>(bytes);
 }

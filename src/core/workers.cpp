@@ -26,11 +26,11 @@ void Workers::share(std::size_t items, const std::function<void(std::size_t, std
                     const std::function<void()>& poll) {
   std::atomic<std::size_t> next{0};
   std::exception_ptr error;
-  int running = count_;
+  std::size_t running = std::min(items, static_cast<std::size_t>(count_));
   std::mutex mutex;  // of both
   std::condition_variable ended;
   std::vector<std::thread> threads;
-  for (std::size_t worker = 0; worker < static_cast<std::size_t>(count_); ++worker)
+  for (std::size_t worker = 0, workers = running; worker < workers; ++worker)
     threads.emplace_back([&, worker] {
       try {
         for (std::size_t item = next++; item < items && wanted(); item = next++) work(worker, item);

@@ -50,10 +50,10 @@ bool film_camera(const CaptureSet& set, const std::string& sequence, int number,
     const Points markers = marker_positions(skeleton, motion.frames[frame]);
     const std::uint64_t key = (static_cast<std::uint64_t>(number) << 40) + static_cast<std::uint64_t>(frame) * 64 +
                               static_cast<std::uint64_t>(camera);
-    const std::uint64_t seed = set.options.seed;
+    const std::uint64_t noise = hash_bits(~(key ^ set.options.seed));
     writer.write_shot(studio.shoot(0, key));
-    writer.write_keypoints(frame, detect_points(studio, 0, lens, markers, body25, hash_bits(~key ^ seed)));
-    writer.write_joints(frame, estimate_joints(lens, markers, body25, frame, hash_bits(key ^ ~seed) + 1000));
+    writer.write_keypoints(frame, detect_points(studio, 0, lens, markers, body25, noise));
+    writer.write_joints(frame, estimate_joints(lens, markers, body25, frame, noise + 1000));
   }
   writer.close();
   return true;

@@ -43,33 +43,38 @@ void MakingFolder::find_target(bool force) {
 }
 
 void MakingFolder::find_rest(const std::string& work, bool force) {
-  if (!fs::exists(making_ / kWorkFile)) return;
-  kept_ = true;
-  if (read_file(making_ / kWorkFile) == work) {
+  const fs::path file = making_ / kWorkFile;
+  const bool known = fs::exists(file);
+  if (known && read_file(file) == work) {
+    kept_ = true;
     log::info("going on with {}, which a run of this command has left", making_.string());
+    const auto remove_parts = [](const fs::path& folder) {
+      remove_temporaries(folder, [](const std::string&) { return true; });
+    };
+    remove_parts(making_);
     for (const auto& entry : fs::recursive_directory_iterator(making_))
-      if (entry.is_directory()) remove_temporaries(entry.path(), [](const std::string&) { return true; });
+      if (entry.is_directory()) remove_parts(entry.path());
     return;
   }
-  if (!force)
+  if (known && !force)
     fail<UsageError>(
         "doppel synth: {} holds an unfinished capture of other options; repeat that command to complete it, or give "
         "--force to remove it",
         making_.string());
-  kept_ = false;
-  for (const auto& entry : fs::directory_iterator(making_)) {
-    if (entry.is_directory()) fs::remove_all(entry.path());
-  }
+  fs::remove(file);  // first: without it the rest counts for nothing
+  for (const auto& entry : fs::directory_iterator(making_))
+    if (!entry.path().filename().string().starts_with('.')) fs::remove_all(entry.path());
 }
 
 void MakingFolder::publish() {
   const fs::path old = making_.string() + "-old";
+  fs::remove_all(old);  // of a run that was killed here
   const bool replaces = fs::exists(target_);
-  fs::remove(making_ / kWorkFile);
   lock_.reset();
   if (replaces) fs::rename(target_, old);
   fs::rename(making_, target_);
-  if (replaces) fs::remove_all(old);
+  fs::remove(target_ / kWorkFile);
+  fs::remove_all(old);
 }
 
 }  // namespace doppel::synth

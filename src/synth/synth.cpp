@@ -8,7 +8,9 @@
 #include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/crc32c.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
@@ -49,7 +51,10 @@ std::string work_text(const SynthOptions& o) {
   nlohmann::ordered_json clips = nlohmann::ordered_json::array();
   for (const auto& files : {o.clips, o.test_clips}) {
     clips.push_back(nlohmann::ordered_json::array());
-    for (const fs::path& file : files) clips.back().push_back({file.string(), fs::file_size(file)});
+    for (const fs::path& file : files) {
+      const std::string content = read_file(file);
+      clips.back().push_back({file.string(), crc32c(content.data(), content.size())});
+    }
   }
   const nlohmann::ordered_json work = {{"vertices", o.actor.vertices},
                                        {"nodes", o.actor.nodes},
@@ -92,6 +97,7 @@ class CaptureJob {
   /// Shares items with a line that shows the progress. @param steps of all items
   void share(const char* title, std::size_t items, long steps,
              const std::function<void(std::size_t worker, std::size_t item)>& work) {
+    if (items == 0) return;
     const OneThreadEach one_thread_each;
     Progress progress(title, steps);
     steps_done_ = 0;
@@ -103,8 +109,9 @@ class CaptureJob {
     };
     try {
       crew_.share(items, work, show);
-    } catch (const Error&) {
-      if (!stop_requested()) throw;  // otherwise a simulation in the middle of a take says that it was stopped
+    } catch (const Error& e) {
+      if (!stop_requested()) throw;
+      log::warn("{}", e.what());  // mostly a simulation that was stopped in the middle of a take
     }
   }
 
@@ -118,6 +125,7 @@ class CaptureJob {
     if (!options().shards.empty()) {
       take_over(surfaces_file(options().shards[0], sequence.name), surfaces);
       take_over(motion_rows_file(options().shards[0] / sequence.name), motion_rows_file(folder));
+      remove_takes(sequence);
       return true;
     }
     std::vector<std::size_t> missing;
@@ -179,8 +187,13 @@ class CaptureJob {
     for (std::size_t s = 0; s < sequences_.size(); ++s)
       for (int camera = 0; camera < options().cameras; ++camera, ++unit) {
         if (files_of(s, camera, set_.root).complete()) continue;
-        if (!options().shards.empty()) take_over(s, camera, options().shards[unit % options().shards.size()]);
-        if (!options().shards.empty() || (options().shard && !options().shard->owns(unit))) continue;
+        if (!options().shards.empty()) {
+          if (!crew_.wanted()) return false;
+          take_over(s, camera, options().shards[unit % options().shards.size()]);
+          kept_();
+          continue;
+        }
+        if (options().shard && !options().shard->owns(unit)) continue;
         missing.push_back({s, camera});
         frames += sequences_[s].frames();
       }
@@ -209,7 +222,10 @@ class CaptureJob {
   static void take_over(const fs::path& from, const fs::path& to) {
     if (!fs::exists(from)) fail("{} is missing; run the command of this shard again", from.string());
     fs::create_directories(to.parent_path());
-    fs::copy(from, to, fs::copy_options::recursive | fs::copy_options::overwrite_existing);
+    if (fs::is_directory(from))
+      fs::copy(from, to, fs::copy_options::recursive | fs::copy_options::overwrite_existing);
+    else  // the last file of a camera says that all are there, so it must be whole
+      write_atomically(to, [&](const fs::path& temporary) { fs::copy_file(from, temporary); });
   }
 
   static std::vector<float> flat(const Points& points) {
@@ -234,12 +250,9 @@ void write_still_files(const CaptureSet& set, const std::vector<SequencePlan>& s
   for (const std::string& file : calibration_files(set.options))
     write_calibration(set.root / "calibration" / file, set.cameras);
   fs::create_directories(set.root / "background");
-  StudioOptions options;
-  options.seed = set.options.seed;
-  const Studio studio(set.actor, set.cameras, options);
   for (std::size_t c = 0; c < set.cameras.size(); ++c) {
     const fs::path path = set.root / "background" / (three_digits(static_cast<int>(c)) + ".png");
-    write_image(path, studio.background(static_cast<int>(c)));
+    write_image(path, Studio(set.actor, {set.cameras[c]}, {.seed = set.options.seed}).background(0));
   }
   write_atomically(set.root / "capture.yaml", capture_yaml(set.options, sequences, name));
   write_atomically(set.root / "README.txt", readme_text(set.options, sequences));
@@ -254,7 +267,11 @@ std::optional<SynthReport> write_synthetic_capture(const fs::path& folder, const
   const std::vector<Camera> cameras =
       make_cameras(options.cameras, options.size, options.seed, options.lens, options.room);
   std::optional<MakingFolder> making;
-  if (!options.shard) making.emplace(folder, work_text(options), options.force);
+  std::optional<FolderLock> lock;
+  if (options.shard)
+    lock.emplace(folder);
+  else
+    making.emplace(folder, work_text(options), options.force);
   const CaptureSet set{actor, cameras, options, making ? making->path() : folder};
   const bool complete = CaptureJob(set, sequences).run([&] {
     if (making) making->keep();
@@ -263,7 +280,7 @@ std::optional<SynthReport> write_synthetic_capture(const fs::path& folder, const
   SynthReport report;
   if (making) {
     write_still_files(set, sequences, making->name());
-    report = measure_capture(set, sequences[1].name);
+    if (options.shards.empty()) report = measure_capture(set, sequences[1].name);
     making->publish();
   }
   report.frames = sequences[0].frames();

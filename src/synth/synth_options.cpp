@@ -60,13 +60,15 @@ void check_options(const SynthOptions& o) {
   };
   within("the number of cameras", o.cameras, 1, 64);
   within("the image size", o.size, 64, 2048);
-  within("the number of training frames", o.frames, o.clips.empty() ? 4 : 0, 100000);
-  within("the number of test frames", o.test_frames, o.test_clips.empty() ? 2 : 0, 100000);
+  if (o.frames != 0 || o.clips.empty()) within("the number of training frames", o.frames, 4, 100000);
+  if (o.test_frames != 0 || o.test_clips.empty()) within("the number of test frames", o.test_frames, 2, 100000);
   if (o.size % 2 != 0)
     fail<UsageError>("doppel synth: the image size is {}; video encoders need an even number", o.size);
   if (o.body != kOwnBody) measures_of(o.body);  // refuses a word that names no body
   if (o.movements == Movements::varied && o.turn != 0)
-    fail<UsageError>("doppel synth: a person with varied movements turns by herself; leave --turn out");
+    fail<UsageError>(
+        "doppel synth: with varied movements, the person turns anyway; leave out --turn, or use the preset tiny or "
+        "small");
   if (!(std::abs(o.turn) <= kMaxTurn))
     fail<UsageError>("doppel synth: the person turns by {} degrees per second; this must be {} to {}", o.turn,
                      -kMaxTurn, kMaxTurn);

@@ -50,7 +50,7 @@ struct SynthOptions {
   Movements movements = Movements::on_the_spot;
   double room = 0;  ///< metres from the centre to which a person with varied movements walks
   /// Motions in files (read_motion_file), one take each, after the others. A person who goes farther than 0.6 m from
-  /// the middle of the way stays above one point.
+  /// the middle of the area of the way stays above one point.
   std::vector<std::filesystem::path> clips, test_clips;
   bool keypoint_tables = false;  ///< one table of keypoints per camera instead of one file per image
   double fps = 25;

