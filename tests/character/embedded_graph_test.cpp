@@ -184,7 +184,8 @@ double largest_step(const TriangleMesh& mesh, const EmbeddedGraph& graph) {
     return 0.0;
   };
   double largest = 0.0;
-  for (const auto& [a, b] : MeshTopology(mesh).edges())
+  const MeshTopology topology(mesh);
+  for (const auto& [a, b] : topology.edges())
     for (int node = 0; node < graph.num_nodes(); ++node)
       largest = std::max(largest, std::abs(weight(a, node) - weight(b, node)));
   return largest;
