@@ -47,7 +47,7 @@ measure() {
   train=$(timed train configs/small/ddc.yaml --stages egnet --set capture="$prepared" --set egnet.train.iterations=$steps \
     --set egnet.train.checkpoint_every=$steps --out "$run")
   evaluate=$(timed evaluate --run "$run" --split train --every $((frames / 50)))
-  evaluated=$((50 * cameras))
+  evaluated=$(($(grep -o '"train": *[0-9]*' "$run/evaluation.json" | grep -o '[0-9]*$' | head -1) * cameras))
   local records="$run/egnet/metrics.jsonl"
   begin=$(metric "$records" 100 seconds)
   awk -v prepare="$prepare" -v images="$images" -v bytes="$(bytes_of "$prepared/store")" -v train="$train" \

@@ -10,7 +10,7 @@ void describe_keys(const Keys& keys, CharacterOptions& options) {
   keys("num_nodes", options.num_nodes, at_least(4), "of the graph that is built when none lies beside the character");
   keys("metric", options.graph.metric, {"hops", "geodesic"}, "distance along the template for the weights of nodes");
   keys("falloff", options.graph.falloff, {"truncated", "smooth"},
-       "of the weights of nodes with this distance: truncated ends at a step, as in public checkpoints");
+       "how the weights of nodes fall with this distance; truncated ends with a step, as in public checkpoints");
   keys("rigidity", options.rigidity, {"livecap", "graph", "laplacian"}, "of the materials");
 }
 

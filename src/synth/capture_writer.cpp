@@ -39,7 +39,8 @@ cv::VideoWriter open_video(const fs::path& path, const std::vector<int>& codecs,
 
 std::string three_digits(int number) { return fmt::format("{:03}", number); }
 
-CameraFiles::CameraFiles(const fs::path& folder, int camera, bool tables) : stream("stream" + three_digits(camera)) {
+CameraFiles::CameraFiles(const fs::path& folder, int camera, bool tables)
+    : stream("stream" + three_digits(camera)), table(tables) {
   const std::string number = three_digits(camera);
   video = folder / "videos" / (stream + ".mp4");
   masks = folder / "foregroundSegmentation" / (stream + ".mkv");
@@ -47,16 +48,15 @@ CameraFiles::CameraFiles(const fs::path& folder, int camera, bool tables) : stre
   joints = folder / "joints3d" / (number + ".csv");
 }
 
-CameraWriter::CameraWriter(CameraFiles files, const Camera& camera, double fps, bool tables)
+CameraWriter::CameraWriter(CameraFiles files, const Camera& camera, double fps)
     : files_(std::move(files)),
-      tables_(tables),
       layout_(read_keypoint_map("body25").layout),
       joints_("frame,index,name,x_mm,y_mm,z_mm\n") {
   const auto code = cv::VideoWriter::fourcc;
   const cv::Size size(camera.width, camera.height);
   images_ = open_video(files_.video, {code('a', 'v', 'c', '1'), code('m', 'p', '4', 'v')}, fps, size, true);
   masks_ = open_video(files_.masks, {code('F', 'F', 'V', '1')}, fps, size, false);
-  if (!tables_) fs::create_directories(files_.keypoints);
+  if (!files_.table) fs::create_directories(files_.keypoints);
 }
 
 void CameraWriter::write_shot(const Studio::Shot& shot) {
@@ -66,7 +66,7 @@ void CameraWriter::write_shot(const Studio::Shot& shot) {
 }
 
 void CameraWriter::write_keypoints(int frame, const std::vector<double>& body25) {
-  if (tables_) {
+  if (files_.table) {
     Person person;
     for (std::size_t k = 0; k + 2 < body25.size(); k += 3)
       person.push_back(
@@ -94,7 +94,7 @@ void CameraWriter::write_joints(int frame, const std::vector<Eigen::Vector3d>& p
 void CameraWriter::close() {
   finish_video(images_, files_.video, shots_);
   finish_video(masks_, files_.masks, shots_);
-  if (tables_) write_keypoint_table(files_.keypoints, layout_, keypoints_);
+  if (files_.table) write_keypoint_table(files_.keypoints, layout_, keypoints_);
   write_atomically(files_.joints, joints_);
 }
 

@@ -23,6 +23,7 @@ struct CameraFiles {
 
   std::filesystem::path video, masks, keypoints, joints;  ///< `keypoints`: a table, or a folder with a file per image
   std::string stream;                                     ///< "stream007"
+  bool table;                                             ///< whether `keypoints` is a table
 
   /// Whether all files are there. The table of joints is written last.
   bool complete() const { return std::filesystem::exists(joints); }
@@ -31,7 +32,7 @@ struct CameraFiles {
 /// Writes the files of one camera of a sequence.
 class CameraWriter {
  public:
-  CameraWriter(CameraFiles files, const Camera& camera, double fps, bool tables);
+  CameraWriter(CameraFiles files, const Camera& camera, double fps);
 
   void write_shot(const Studio::Shot& shot);
   /// @param body25 x, y, confidence of the 25 points of BODY_25
@@ -44,7 +45,6 @@ class CameraWriter {
 
  private:
   CameraFiles files_;
-  bool tables_;
   long shots_ = 0;  ///< images written
   cv::VideoWriter images_, masks_;
   PointLayout layout_;

@@ -1,6 +1,6 @@
 #include "doppel/synth/film.h"
 
-#include "doppel/core/as_size.h"
+#include "doppel/character/landmarks.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/random.h"
 #include "doppel/synth/capture_writer.h"
@@ -9,18 +9,7 @@
 
 namespace doppel::synth {
 
-namespace {
-
 using Eigen::Vector3d;
-
-Points marker_positions(const Skeleton& skeleton, const std::vector<double>& dofs) {
-  const auto world_from_joint = skeleton.pose(dofs);
-  Points points;
-  for (const Marker& marker : skeleton.markers) points.push_back(world_from_joint[marker.joint] * marker.position);
-  return points;
-}
-
-}  // namespace
 
 std::filesystem::path surfaces_file(const std::filesystem::path& root, const std::string& sequence) {
   return root / "ground_truth" / sequence / "vertices.npy";
@@ -37,17 +26,16 @@ bool film_camera(const CaptureSet& set, const std::string& sequence, int number,
                  const std::function<bool()>& next) {
   const Skeleton& skeleton = set.actor.character.skeleton;
   const Camera& lens = set.cameras[camera];
-  const bool tables = set.options.keypoint_tables;
   const std::filesystem::path folder = set.root / sequence;
   const Motion motion = read_motion(motion_rows_file(folder), skeleton.num_dofs());
   const std::vector<int> body25 = body25_markers(skeleton);
   NpyItems surfaces(surfaces_file(set.root, sequence));
   Studio studio(set.actor, {lens}, {.seed = set.options.seed});
-  CameraWriter writer({folder, camera, tables}, lens, set.options.fps, tables);
+  CameraWriter writer({folder, camera, set.options.keypoint_tables}, lens, set.options.fps);
   for (int frame = 0; frame < motion.num_frames(); ++frame) {
     if (!next()) return false;
     studio.set_surface(as_points(surfaces.read(frame)));
-    const Points markers = marker_positions(skeleton, motion.frames[frame]);
+    const Points markers = landmark_positions(skeleton, skeleton.markers, motion.frames[frame]);
     const std::uint64_t key = (static_cast<std::uint64_t>(number) << 40) + static_cast<std::uint64_t>(frame) * 64 +
                               static_cast<std::uint64_t>(camera);
     const std::uint64_t noise = hash_bits(~(key ^ set.options.seed));

@@ -25,7 +25,8 @@ std::filesystem::path surfaces_file(const std::filesystem::path& root, const std
 Points as_points(const std::vector<float>& values);
 
 /// Films a sequence with one camera: images, masks, keypoints and joints in space (CameraFiles). Reads the surfaces and
-/// the poses of the sequence, which are complete.
+/// the poses of the sequence, which are complete. Each camera draws the shadows again, so that it needs no other
+/// camera.
 /// @param number of the sequence, part of the seed of the noise
 /// @param next called before each frame; false ends the film, whose files are then incomplete
 /// @return whether the film is complete

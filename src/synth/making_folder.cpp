@@ -18,10 +18,10 @@ constexpr char kWorkFile[] = "work.txt";
 MakingFolder::MakingFolder(const fs::path& target, const std::string& work, bool force)
     : target_(fs::absolute(target).lexically_normal()) {
   if (!target_.has_filename()) target_ = target_.parent_path();
-  find_target(force);
+  check_target(force);
   making_ = target_.parent_path() / ("." + target_.filename().string() + ".making");
   lock_.emplace(making_);
-  find_rest(work, force);
+  take_over_rest(work, force);
   write_atomically(making_ / kWorkFile, work);
 }
 
@@ -31,7 +31,7 @@ MakingFolder::~MakingFolder() {
   if (!kept_) fs::remove_all(making_, ignored);
 }
 
-void MakingFolder::find_target(bool force) {
+void MakingFolder::check_target(bool force) {
   if (!fs::exists(target_) || (fs::is_directory(target_) && fs::is_empty(target_))) return;
   if (!force)
     fail<UsageError>("doppel synth: {} exists and is not empty; name another folder, or give --force",
@@ -42,12 +42,12 @@ void MakingFolder::find_target(bool force) {
                      target_.string());
 }
 
-void MakingFolder::find_rest(const std::string& work, bool force) {
+void MakingFolder::take_over_rest(const std::string& work, bool force) {
   const fs::path file = making_ / kWorkFile;
   const bool known = fs::exists(file);
   if (known && read_file(file) == work) {
     kept_ = true;
-    log::info("going on with {}, which a run of this command has left", making_.string());
+    log::info("continuing the unfinished capture in {}", making_.string());
     const auto remove_parts = [](const fs::path& folder) {
       remove_temporaries(folder, [](const std::string&) { return true; });
     };
@@ -61,7 +61,7 @@ void MakingFolder::find_rest(const std::string& work, bool force) {
         "doppel synth: {} holds an unfinished capture of other options; repeat that command to complete it, or give "
         "--force to remove it",
         making_.string());
-  fs::remove(file);  // first: without it the rest counts for nothing
+  fs::remove(file);  // first, because a folder without this file is never continued
   for (const auto& entry : fs::directory_iterator(making_))
     if (!entry.path().filename().string().starts_with('.')) fs::remove_all(entry.path());
 }

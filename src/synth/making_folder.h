@@ -31,9 +31,9 @@ class MakingFolder {
   void publish();
 
  private:
-  void find_target(bool force);
+  void check_target(bool force);
   /// Takes over what an earlier run has left, or removes it.
-  void find_rest(const std::string& work, bool force);
+  void take_over_rest(const std::string& work, bool force);
 
   std::filesystem::path target_, making_;
   std::atomic<bool> kept_{false};

@@ -260,7 +260,7 @@ class Improvisation {
   /// Moves the root so that the foot on the floor stays where it is.
   void travel(Pose& pose) {
     constexpr double kSoftness = 0.02;      // metres; a foot that is higher by this has a third of the weight
-    pose["Root_tx"] = pose["Root_tz"] = 0;  // the acts lean the root over the feet; it goes where the feet say
+    pose["Root_tx"] = pose["Root_tz"] = 0;  // acts shift the root over the feet; here the feet alone move it
     std::array<Vector2d, 2> feet;
     std::array<double, 2> weight;
     const auto world_from_joint = skeleton_.pose(pose.dofs);

@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 
 #include "doppel/calibration/formats/read_calibration.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/crc32c.h"
 #include "doppel/core/error.h"
@@ -95,8 +94,8 @@ class CaptureJob {
   }
 
   /// Shares items with a line that shows the progress. @param steps of all items
-  void share(const char* title, std::size_t items, long steps,
-             const std::function<void(std::size_t worker, std::size_t item)>& work) {
+  void share(const std::string& title, std::size_t items, long steps,
+             const std::function<void(std::size_t item)>& work) {
     if (items == 0) return;
     const OneThreadEach one_thread_each;
     Progress progress(title, steps);
@@ -108,7 +107,8 @@ class CaptureJob {
       shown = steps_now;
     };
     try {
-      crew_.share(items, work, show);
+      crew_.share(
+          items, [&](std::size_t, std::size_t item) { work(item); }, show);
     } catch (const Error& e) {
       if (!stop_requested()) throw;
       log::warn("{}", e.what());  // mostly a simulation that was stopped in the middle of a take
@@ -117,30 +117,32 @@ class CaptureJob {
 
   /// Makes the true surfaces and the poses of a sequence.
   bool simulate(const SequencePlan& sequence) {
-    const fs::path surfaces = surfaces_file(set_.root, sequence.name), folder = set_.root / sequence.name;
-    if (fs::exists(surfaces) && fs::exists(motion_rows_file(folder))) {
-      remove_takes(sequence);
-      return true;
+    const fs::path surfaces = surfaces_file(set_.root, sequence.name);
+    const fs::path poses = motion_rows_file(set_.root / sequence.name);
+    if (!fs::exists(surfaces) || !fs::exists(poses)) {
+      if (!options().shards.empty()) {
+        const fs::path& first = options().shards[0];
+        take_over(surfaces_file(first, sequence.name), surfaces);
+        take_over(motion_rows_file(first / sequence.name), poses);
+      } else {
+        if (!make_takes(sequence)) return false;
+        join_takes(sequence);
+      }
     }
-    if (!options().shards.empty()) {
-      take_over(surfaces_file(options().shards[0], sequence.name), surfaces);
-      take_over(motion_rows_file(options().shards[0] / sequence.name), motion_rows_file(folder));
-      remove_takes(sequence);
-      return true;
-    }
+    remove_takes(sequence);
+    return true;
+  }
+
+  bool make_takes(const SequencePlan& sequence) {
     std::vector<std::size_t> missing;
     long frames = 0;
     for (std::size_t k = 0; k < sequence.takes.size(); ++k)
       if (!fs::exists(take_file(sequence, k, ".npy"))) missing.push_back(k), frames += sequence.takes[k].frames;
-    const std::string title = "synth: surfaces, " + sequence.name;
-    share(title.c_str(), missing.size(), frames, [&](std::size_t, std::size_t item) {
+    share("synth: surfaces, " + sequence.name, missing.size(), frames, [&](std::size_t item) {
       make_take(sequence, missing[item]);
       steps_done_ += sequence.takes[missing[item]].frames;
     });
-    if (!crew_.wanted()) return false;
-    join_takes(sequence);
-    remove_takes(sequence);
-    return true;
+    return crew_.wanted();
   }
 
   void make_take(const SequencePlan& sequence, std::size_t k) {
@@ -197,7 +199,7 @@ class CaptureJob {
         missing.push_back({s, camera});
         frames += sequences_[s].frames();
       }
-    share("synth: film", missing.size(), frames, [&](std::size_t, std::size_t item) {
+    share("synth: film", missing.size(), frames, [&](std::size_t item) {
       const auto [s, camera] = missing[item];
       const auto next = [&] {
         ++steps_done_;

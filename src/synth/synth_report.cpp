@@ -57,10 +57,16 @@ SynthReport measure_capture(const CaptureSet& set, const std::string& sequence) 
   NpyItems surfaces(surfaces_file(set.root, sequence));
   const Motion motion = read_motion(motion_rows_file(set.root / sequence), c.num_dofs());
   const int stride = (motion.num_frames() + kMaxMeasured - 1) / kMaxMeasured;
-  int vertices = 0, frames = 0;
-  for (int f = 0; f < motion.num_frames(); f += stride, ++frames) {
-    const Points skinned = skin_motion(c, {{motion.frames[f]}, {0}}, {}).front();
-    const Points ground_truth = as_points(surfaces.read(f));
+  Motion measured;
+  for (int f = 0; f < motion.num_frames(); f += stride) {
+    measured.frames.push_back(motion.frames[f]);
+    measured.ids.push_back(f);
+  }
+  const std::vector<Points> all_skinned = skin_motion(c, measured, {});
+  int vertices = 0;
+  for (int f = 0; f < measured.num_frames(); ++f) {
+    const Points& skinned = all_skinned[f];
+    const Points ground_truth = as_points(surfaces.read(measured.ids[f]));
     for (int v = 0; v < c.num_vertices(); ++v) {
       const double moved = (ground_truth[v] - skinned[v]).norm();
       report.largest_displacement = std::max(report.largest_displacement, moved);
@@ -71,7 +77,7 @@ SynthReport measure_capture(const CaptureSet& set, const std::string& sequence) 
     report.skinning_iou += silhouette_iou(rasterizer, set.cameras, skinned, ground_truth);
   }
   report.mean_displacement /= std::max(vertices, 1);
-  report.skinning_iou /= std::max(frames, 1);
+  report.skinning_iou /= std::max(measured.num_frames(), 1);
   return report;
 }
 

@@ -57,8 +57,10 @@ void bring_into_studio(const Skeleton& skeleton, const std::filesystem::path& fi
   Vector2d middle = way.center();
   const double reach = 0.5 * way.diagonal().norm();
   if (reach > kClipRoom) {
-    log::info("{}: the person goes {:.2f} m from the middle of the way, the studio has {} m: held above one point",
-              file.string(), reach, kClipRoom);
+    log::info(
+        "{}: the person goes {:.2f} m from the middle of the way, and the studio has {} m; the person is held above "
+        "one point",
+        file.string(), reach, kClipRoom);
     motion = in_place(*root, std::move(motion));
     middle = ground_position(*root, motion.frames.front());
   }
@@ -88,6 +90,15 @@ Motion after_standing(const Motion& clip, int lead) {
   motion.ids.resize(motion.frames.size());
   std::iota(motion.ids.begin(), motion.ids.end(), 0L);
   return motion;
+}
+
+/// The motion of a take after its lead-in.
+Motion motion_of(const TakePlan& plan, const SynthOptions& options, const Skeleton& skeleton) {
+  const int lead = lead_in(options.fps), frames = lead + plan.frames;
+  if (plan.clip) return after_standing(*plan.clip, lead);
+  if (options.movements == Movements::varied)
+    return make_varied_motion(skeleton, frames, options.fps, plan.seed, options.room);
+  return make_motion(skeleton, frames, options.fps, plan.seed, options.turn * M_PI / 180.0);
 }
 
 }  // namespace
@@ -171,13 +182,7 @@ std::vector<SequencePlan> plan_sequences(const SynthOptions& options, const Char
 }
 
 Take perform(const Actor& actor, const TakePlan& plan, const SynthOptions& options) {
-  const int lead = lead_in(options.fps);
-  const Skeleton& skeleton = actor.character.skeleton;
-  if (plan.clip) return perform(actor, after_standing(*plan.clip, lead), options.fps, options.cloth);
-  if (options.movements == Movements::varied)
-    return perform(actor, make_varied_motion(skeleton, lead + plan.frames, options.fps, plan.seed, options.room),
-                   options.fps, options.cloth);
-  return perform(actor, plan.frames, options.fps, plan.seed, options.cloth, options.turn * M_PI / 180.0);
+  return perform(actor, motion_of(plan, options, actor.character.skeleton), options.fps, options.cloth);
 }
 
 }  // namespace doppel::synth
