@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 
+#include "doppel/character/landmarks.h"
 #include "doppel/character/pose_solver.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
@@ -48,10 +49,8 @@ PoseModel::PoseModel(const Character& character, std::vector<Marker> landmarks, 
   }
   for (int axis = 0; root_ && axis < 3; ++axis) unknowns_.push_back({-1, axis});
   for (int d = 0; d < skeleton.num_dofs(); ++d) reach_.push_back(reach_of_dof(skeleton, d));
-  for (const Marker& landmark : landmarks_) {
-    landmark_carrier_.push_back(carrier_of(landmark.joint));
-    landmark_weights_.push_back(doppel::landmark_weight(landmark.name));
-  }
+  for (const Marker& landmark : landmarks_) landmark_carrier_.push_back(carrier_of(landmark.joint));
+  landmark_weights_ = landmark_fit_weights(landmark_names(landmarks_));
   const std::vector<Eigen::Affine3d> rest = skeleton.pose(character.rest_dofs);
   for (const int joint : character.bone_joint) {
     bone_carrier_.push_back(carrier_of(joint));

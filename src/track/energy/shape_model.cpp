@@ -20,9 +20,7 @@ ShapedBody::ShapedBody(Character character, const std::vector<std::string>& land
       poses_(*character_, markers_named(character_->skeleton, landmarks), {}) {}
 
 ShapeSource::ShapeSource(const ShapeFamily& family, std::vector<std::string> landmarks)
-    : family_(family), landmarks_(std::move(landmarks)) {
-  for (const std::string& name : landmarks_) landmark_weights_.push_back(doppel::landmark_weight(name));
-}
+    : family_(family), landmarks_(std::move(landmarks)), landmark_weights_(landmark_fit_weights(landmarks_)) {}
 
 std::shared_ptr<const ShapeNeighbours> ShapeSource::at(const std::vector<double>& parameters, bool jacobian) const {
   if (last_ && last_->parameters == parameters && (!jacobian || !last_->raised.empty())) return last_;

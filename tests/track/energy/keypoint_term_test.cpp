@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <numeric>
+
 #include "doppel/detect/hands/hand_pose.h"
 #include "doppel/track/energy/inliers.h"
 #include "doppel/track/energy/landmark_weight.h"
@@ -75,14 +77,23 @@ TEST_F(KeypointTermTest, CountsAllDetectionsAlikeAsTheThesisDoes) {
 }
 
 TEST_F(KeypointTermTest, AHandCountsAsThreePoints) {
-  double hand = 0.0;
+  std::vector<std::string> left, right;
   for (const char* name : kHandPointNames) {
-    EXPECT_DOUBLE_EQ(landmark_weight(std::string("left_") + name), landmark_weight(std::string("right_") + name));
-    hand += landmark_weight(std::string("left_") + name);
+    left.push_back(std::string("left_") + name);
+    right.push_back(std::string("right_") + name);
   }
-  EXPECT_NEAR(hand, 3.0, 1e-12);
-  for (const char* name : {"left_wrist", "left_index", "left_thumb", "thumb1", "nose", "left_big_toe"})
-    EXPECT_EQ(landmark_weight(name), 1.0) << name;
+  const std::vector<double> hand = landmark_fit_weights(left);
+  EXPECT_EQ(hand, landmark_fit_weights(right));
+  EXPECT_NEAR(std::accumulate(hand.begin(), hand.end(), 0.0), 3.0, 1e-12);
+  EXPECT_EQ(landmark_fit_weights({"left_wrist", "left_index", "left_thumb", "thumb1", "nose", "left_big_toe"}),
+            std::vector<double>(6, 1.0));
+}
+
+TEST_F(KeypointTermTest, PointsOfAHandReplaceThoseOfTheBody) {
+  const std::vector<double> weights = landmark_fit_weights(
+      {"left_wrist", "left_thumb", "left_index", "left_pinky", "right_index", "left_hand_root", "left_thumb1"});
+  EXPECT_EQ(weights, (std::vector<double>{1.0, 0.0, 0.0, 0.0, 1.0, 1.0 / 7.0, 1.0 / 7.0}))
+      << "the right hand has no points of its own";
 }
 
 TEST_F(KeypointTermTest, WeighsThePointsOfHandsLess) {
