@@ -117,8 +117,8 @@ CreatedCharacter create_character(const std::string& name, const ScanParts& scan
     mesh = simplify(mesh, simplification, &report);
     result.notes.push_back(report.sentence);
   }
-  RigOptions rig;
-  rig.character.num_nodes = options.nodes;
+  CharacterOptions rig;
+  rig.num_nodes = options.nodes;
   result.character = make_character(name, mesh, joints, solid, rig);
   result.bending = examine_bending(result.character);
   result.pose_sheet = draw_pose_sheet(result.character);

@@ -34,9 +34,8 @@ IndexRows inverse_of(const std::vector<int>& numbers, int count) {
 /// The template in the test poses, for weights that change at few vertices.
 class PosedTemplate {
  public:
-  PosedTemplate(const Character& character, const HeatOptions& options, double stretch)
+  PosedTemplate(const Character& character, double stretch)
       : mesh_(character.mesh),
-        options_(options),
         limit_(stretch),
         neighbours_(face_neighbours(mesh_.faces)),
         position_(same_positions(mesh_.vertices)) {
@@ -107,7 +106,7 @@ class PosedTemplate {
   void pose(const WeightField& field, const std::vector<int>& vertices) {
     std::vector<int> faces;
     for (const int v : vertices) {
-      const SparseRow row = sparse_row(field, v, options_);
+      const SparseRow row = sparse_row(field, v);
       for (std::size_t i = 0; i < blends_.size(); ++i)
         posed_[i][v] = blends_[i].point(mesh_.vertices[v], row.bones, row.weights);
       for (const int corner : corners_at_.row(v)) faces.push_back(corner / 3);
@@ -123,7 +122,6 @@ class PosedTemplate {
   }
 
   const TriangleMesh& mesh_;
-  HeatOptions options_;
   double limit_;
   IndexRows neighbours_;                        ///< [F]
   std::vector<int> position_;                   ///< [N]
@@ -147,10 +145,10 @@ int count_sticking(const Character& character) {
 
 }  // namespace
 
-void set_smooth_skin(Character& character, const WeightField& field, const HeatOptions& options, double stretch) {
+void set_smooth_skin(Character& character, const WeightField& field, double stretch) {
   const std::vector<std::string> bones = character.skin.bones;
-  character.skin = sparse_weights(field, bones, options);
-  PosedTemplate posed(character, options, stretch);
+  character.skin = sparse_weights(field, bones);
+  PosedTemplate posed(character, stretch);
   posed.pose_all(field);
   std::vector<int> lone = posed.lone_triangles();
   const std::size_t lone_before = lone.size();
@@ -162,7 +160,7 @@ void set_smooth_skin(Character& character, const WeightField& field, const HeatO
   }
   const std::size_t faults_before = lone_before + as_size(count_sticking(character));
   const SkinningWeights before = character.skin;
-  character.skin = sparse_weights(smooth, bones, options);
+  character.skin = sparse_weights(smooth, bones);
   if (lone.size() + as_size(count_sticking(character)) >= faults_before) character.skin = before;
 }
 
