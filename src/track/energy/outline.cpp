@@ -26,8 +26,6 @@ struct OutlineFinder::State {
 OutlineFinder::OutlineFinder(const Character& character, std::vector<PinholeCamera> cameras, int pixels, int most)
     : state_(new State{RenderMesh(character.mesh).faces, std::move(cameras), pixels, most}) {}
 OutlineFinder::~OutlineFinder() = default;
-OutlineFinder::OutlineFinder(OutlineFinder&&) noexcept = default;
-OutlineFinder& OutlineFinder::operator=(OutlineFinder&&) noexcept = default;
 
 struct OutlineFinder::Windows {
   std::vector<PinholeCamera> cameras;
