@@ -17,8 +17,6 @@ using torch::Tensor;
 
 namespace {
 
-constexpr std::array<const char*, 8> kNames{"colour", "albedo", "normal", "shading", "depth", "mask", "uv", "position"};
-
 bool draws_with_shade(RenderMode mode) {
   return mode == RenderMode::colour || mode == RenderMode::albedo || mode == RenderMode::shading;
 }
@@ -59,8 +57,6 @@ Tensor surface_values(const RenderScene& scene, const RenderMesh& mesh, const sh
 }
 
 }  // namespace
-
-const char* name_of(RenderMode mode) { return kNames[static_cast<int>(mode)]; }
 
 Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std::int64_t height, std::int64_t width,
                    RenderMode mode, const ShadingOptions& options) {
