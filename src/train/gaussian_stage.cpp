@@ -132,15 +132,8 @@ void evaluate_gaussians(const ActorEvaluation& evaluation, nlohmann::ordered_jso
 }  // namespace
 
 StageEntry gaussians_entry() {
-  return {"gaussians",
-          {"ddc", "hybrid"},
-          {"egnet"},
-          [](const ConfigDocument& document) { GaussiansRunConfig::read(document); },
-          [](const StageTask& task) {
-            return train_on<GaussianStage, GaussiansRunConfig>(TrainedActor::load(task.run, std::nullopt, "gaussians"),
-                                                               task);
-          },
-          evaluate_gaussians};
+  return actor_stage_entry<GaussianStage, GaussiansRunConfig>("gaussians", {"ddc", "hybrid"}, {"egnet"},
+                                                              evaluate_gaussians);
 }
 
 }  // namespace doppel

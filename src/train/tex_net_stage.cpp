@@ -111,14 +111,7 @@ void evaluate_texnet(const ActorEvaluation& evaluation, nlohmann::ordered_json& 
 }  // namespace
 
 StageEntry tex_net_entry() {
-  return {"texnet",
-          {"ddc", "hybrid"},
-          {"egnet"},
-          [](const ConfigDocument& document) { TexNetRunConfig::read(document); },
-          [](const StageTask& task) {
-            return train_on<TexNetStage, TexNetRunConfig>(TrainedActor::load(task.run, std::nullopt, "texnet"), task);
-          },
-          evaluate_texnet};
+  return actor_stage_entry<TexNetStage, TexNetRunConfig>("texnet", {"ddc", "hybrid"}, {"egnet"}, evaluate_texnet);
 }
 
 }  // namespace doppel
