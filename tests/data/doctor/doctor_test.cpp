@@ -18,14 +18,6 @@ using namespace planted;
 using support::TemporaryFolder;
 using ::testing::HasSubstr;
 
-/// What was found, for messages.
-std::string told(const Examination& examination) {
-  std::string text = to_string(examination.verdict());
-  for (const Finding& finding : examination.findings)
-    text += "\n  " + finding.camera + " " + finding.fault + " (" + to_string(finding.severity) + "): " + finding.figure;
-  return text;
-}
-
 bool names(const Examination& examination, const std::string& camera, const std::string& fault) {
   return std::any_of(examination.findings.begin(), examination.findings.end(), [&](const Finding& finding) {
     return finding.camera == camera && finding.fault == fault && finding.severity != Severity::note;
