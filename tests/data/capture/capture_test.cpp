@@ -78,12 +78,7 @@ class CaptureFile {
   fs::path path() const { return folder_ / "capture.yaml"; }
   Capture read() const { return read_capture(folder_.path()); }
   std::string error() const {
-    try {
-      read();
-    } catch (const Error& e) {
-      return e.what();
-    }
-    return "";
+    return message_of<Error>([&] { read(); });
   }
 
  private:

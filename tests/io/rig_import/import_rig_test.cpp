@@ -39,12 +39,7 @@ class ImportRig : public ::testing::Test {
   std::string error_of(const Change& change) const {
     GltfWriter file = bending_arm();
     change(file.json);
-    try {
-      import_rig(read(file), small());
-    } catch (const Error& e) {
-      return e.what();
-    }
-    return "no error";
+    return support::message_of<Error>([&] { import_rig(read(file), small()); });
   }
 };
 
