@@ -7,7 +7,6 @@
 #include "doppel/rigging/joints/fingers.h"
 #include "doppel/rigging/joints/hinge_volume.h"
 #include "doppel/rigging/joints/lone_triangles.h"
-#include "doppel/rigging/weights/bend_report.h"
 #include "doppel/rigging/weights/heat_weights.h"
 #include "doppel/rigging/weights/solid_surface.h"
 
@@ -51,7 +50,7 @@ Character make_character(const std::string& name, const TriangleMesh& mesh, cons
   character.graph = graph_of(mesh, solid, character.options);
   complete_character(character);
   keep_hinge_volumes(field, character);
-  set_smooth_skin(character, field, BendLimits().stretch);
+  set_smooth_skin(character, field);
   divide_hand_weights(character, joints);
   return character;
 }

@@ -148,10 +148,6 @@ Take perform(const Actor& actor, Motion with_lead_in, double fps, const ClothOpt
   return take;
 }
 
-Take perform(const Actor& actor, int frames, double fps, std::uint64_t seed, const ClothOptions& cloth, double turn) {
-  return perform(actor, make_motion(actor.character.skeleton, lead_in(fps) + frames, fps, seed, turn), fps, cloth);
-}
-
 int SequencePlan::frames() const {
   return std::accumulate(takes.begin(), takes.end(), 0,
                          [](int sum, const TakePlan& take) { return sum + take.frames; });

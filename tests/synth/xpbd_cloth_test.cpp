@@ -502,9 +502,10 @@ TEST(ClothModel, IsChosenByName) {
 
 TEST(ClothModel, SpringsAreTheDefaultAndUnchanged) {
   const int frames = 4, lead = 30;
-  ClothOptions xpbd;
-  xpbd.model = ClothModel::xpbd;
-  const Take take = perform(actor(), frames, 25, 5, {}), other = perform(actor(), frames, 25, 5, xpbd);
+  SynthOptions xpbd;
+  xpbd.cloth.model = ClothModel::xpbd;
+  const TakePlan plan{frames, 5, {}};
+  const Take take = perform(actor(), plan, {}), other = perform(actor(), plan, xpbd);
   const Motion motion = make_motion(actor().character.skeleton, lead + frames, 25, 5);
   const auto springs = move_clothes(actor(), skin_motion(actor().character, motion, actor().hang), 25);
   for (int f = 0; f < frames; ++f) {
