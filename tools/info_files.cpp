@@ -253,8 +253,6 @@ std::optional<Json> facts_by_content(const fs::path& path) {
   return std::nullopt;
 }
 
-std::optional<Json> surface_facts(const fs::path& path) { return describe_surface(path); }
-
 struct DescribedKind {
   const char* name;
   std::vector<std::string> extensions;
@@ -263,7 +261,7 @@ struct DescribedKind {
 
 const std::vector<DescribedKind>& described_kinds() {
   static const std::vector<DescribedKind> kinds{
-      {"scans and rigged figures", {".glb", ".gltf", ".vrm", ".fbx", ".dae", ".stl", ".ply"}, surface_facts},
+      {"scans and rigged figures", {".glb", ".gltf", ".vrm", ".fbx", ".dae", ".stl", ".ply"}, describe_surface},
       {"motions",
        {".bvh", ".npz"},
        [](const fs::path& path) { return lower_extension(path) == ".npz" ? smpl_facts(path) : bvh_facts(path); }},

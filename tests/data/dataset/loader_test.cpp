@@ -96,7 +96,6 @@ TEST_F(LoaderReference, EveryEpochVisitsEveryFrameOnce) {
   LoaderOptions chosen = options();
   chosen.batch_size = 4;
   Loader loader(*dataset_, chosen);
-  EXPECT_EQ(loader.num_samples(), 12);
   std::vector<std::vector<std::int64_t>> orders;
   for (int epoch = 0; epoch < 2; ++epoch) {
     std::vector<std::int64_t> order;
@@ -108,7 +107,6 @@ TEST_F(LoaderReference, EveryEpochVisitsEveryFrameOnce) {
     orders.push_back(order);
   }
   EXPECT_NE(orders[0], orders[1]);
-  EXPECT_DOUBLE_EQ(loader.epoch(), 2.0);
 }
 
 TEST_F(LoaderReference, DrawsDifferentCamerasWithoutRepetition) {
