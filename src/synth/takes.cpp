@@ -141,7 +141,7 @@ Take perform(const Actor& actor, Motion with_lead_in, double fps, const ClothOpt
   take.motion = std::move(with_lead_in);
   const std::vector<Points> worn = skin_motion(actor.character, take.motion, actor.hang);
   take.ground_truth = cloth.model == ClothModel::xpbd ? drape_clothes(actor, worn, take.motion, fps, cloth.xpbd)
-                                                      : move_clothes(actor, worn, fps, cloth.springs);
+                                                      : move_clothes(actor, worn, fps);
   take.ground_truth.erase(take.ground_truth.begin(), take.ground_truth.begin() + lead);
   take.motion.frames.erase(take.motion.frames.begin(), take.motion.frames.begin() + lead);
   take.motion.ids.resize(take.motion.frames.size());
