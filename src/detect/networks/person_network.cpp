@@ -1,7 +1,6 @@
 #include "doppel/detect/networks/person_network.h"
 
 #include <algorithm>
-#include <memory>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 

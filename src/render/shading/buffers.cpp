@@ -1,6 +1,5 @@
 #include "doppel/render/shading/buffers.h"
 
-#include <torch/types.h>
 #include <torch/utils.h>
 
 #include <array>

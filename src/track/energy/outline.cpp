@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <opencv2/core.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/render/mesh/face_tensor.h"
 #include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/outline/boundary.h"

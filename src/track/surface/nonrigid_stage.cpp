@@ -12,7 +12,6 @@
 #include "doppel/track/surface/outline_term.h"
 #include "doppel/track/surface/photometric_term.h"
 #include "doppel/track/surface/smoothness_term.h"
-#include "doppel/track/surface/snapping.h"
 #include "doppel/track/surface/surface_problem.h"
 #include "doppel/track/surface/surface_viewer.h"
 #include "doppel/track/surface/target_term.h"
