@@ -428,14 +428,14 @@ TEST_F(LoaderRejects, OptionsThatMakeNoSense) {
 }
 
 TEST_F(LoaderReference, MakeBatchGivesWhatWasAskedFor) {
-  const Batch batch = make_batch(*dataset_, {{1, 2}, {0, 7}}, {{1, 0}, {2, 2}}, 1);
+  const Batch batch = make_batch(*dataset_, {{1, 2}, {0, 7}}, {{1, 0}, {2, 2}}, {1});
   EXPECT_EQ(batch.frames[1].item<std::int64_t>(), 7);
   EXPECT_EQ(batch.sequence[0].item<std::int64_t>(), 1);
   EXPECT_EQ(batch.cameras[0][0].item<std::int64_t>(), 1);
   EXPECT_TRUE(torch::equal(batch.distance[1][0], batch.distance[1][1]));
   EXPECT_EQ(batch.dofs.size(1), 2);
-  EXPECT_THROW(make_batch(*dataset_, {}, {}, 2), UsageError);
-  EXPECT_THROW(make_batch(*dataset_, {{0, 1}, {0, 2}}, {{0}, {0, 1}}, 2), UsageError);
+  EXPECT_THROW(make_batch(*dataset_, {}, {}, {2}), UsageError);
+  EXPECT_THROW(make_batch(*dataset_, {{0, 1}, {0, 2}}, {{0}, {0, 1}}, {2}), UsageError);
 }
 
 // An error in a worker reaches the caller, and the loader can be taken down afterwards.

@@ -197,9 +197,9 @@ TEST(PrepareWithoutMotion, StoresMasksAndImagesOfAllFrames) {
                 dataset.dof_window({0, 7}, 2);
               }),
               ::testing::AllOf(HasSubstr("training"), HasSubstr("doppel track")));
-  const Batch batch = make_batch(dataset, {{0, 3}, {1, 2}}, {{2, 0}, {1, 2}}, 2);
+  const Batch batch = make_batch(dataset, {{0, 3}, {1, 2}}, {{2, 0}, {1, 2}}, {2});
   EXPECT_FALSE(batch.dofs.defined());
-  EXPECT_TRUE(torch::equal(batch.distance, make_batch(posed, {{0, 3}, {1, 2}}, {{2, 0}, {1, 2}}, 2).distance));
+  EXPECT_TRUE(torch::equal(batch.distance, make_batch(posed, {{0, 3}, {1, 2}}, {{2, 0}, {1, 2}}, {2}).distance));
 }
 
 TEST(PrepareWithoutMotion, RowsAreTheFramesThatAllCamerasHave) {
