@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "doppel/core/error.h"
 #include "doppel/losses/images.h"
 #include "doppel/losses/radiance.h"
 #include "doppel/train/stage_table.h"

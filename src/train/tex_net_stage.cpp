@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "doppel/actor/draw.h"
-#include "doppel/core/error.h"
 #include "doppel/losses/images.h"
 #include "doppel/train/stage_table.h"
 

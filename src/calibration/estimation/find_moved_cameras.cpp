@@ -8,7 +8,6 @@
 #include "doppel/calibration/estimation/fit_pose.h"
 #include "doppel/calibration/estimation/reprojection.h"
 #include "doppel/core/as_size.h"
-#include "doppel/core/error.h"
 #include "doppel/core/statistics.h"
 
 namespace doppel {

@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "doppel/core/error.h"
-#include "doppel/core/log.h"
 #include "doppel/rigging/autorig/find_joints.h"
 #include "doppel/rigging/autorig/pose_sheet.h"
 #include "doppel/rigging/joints/find_fingers.h"

@@ -6,7 +6,6 @@
 #include <numbers>
 #include <numeric>
 
-#include "doppel/core/as_size.h"
 #include "doppel/rigging/scan/scan_parts.h"
 
 namespace doppel {

@@ -7,7 +7,6 @@
 #include <set>
 
 #include "data/capture/capture_fixture.h"
-#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/data/dataset/studio_crops.h"

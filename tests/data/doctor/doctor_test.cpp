@@ -7,7 +7,6 @@
 
 #include "data/doctor/planted_faults.h"
 #include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/synth/synth.h"
 #include "support/temporary_folder.h"
 
