@@ -1,7 +1,6 @@
 #include "doppel/calibration/estimation/calibrate_board.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cstdio>
 #include <filesystem>
 #include <limits>
@@ -9,10 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
-#include <set>
 #include <string>
 
 #include "calibrate_subcommands.h"
+#include "detect_sources.h"
 #include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
@@ -45,14 +44,6 @@ struct BoardSource {
   std::map<long, fs::path> images;
   long frames = 0;  ///< of the video
 };
-
-bool is_image(const fs::path& path) {
-  static const std::set<std::string> kExtensions{".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"};
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return kExtensions.contains(extension);
-}
 
 BoardSource board_source(const fs::path& path) {
   if (!fs::exists(path)) fail<UsageError>("{} does not exist", path.string());

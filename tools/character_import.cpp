@@ -5,7 +5,6 @@
 #include <map>
 
 #include "character_report.h"
-#include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/io/rig_import/import_rig.h"

@@ -1,8 +1,6 @@
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cstdio>
-#include <future>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -36,7 +34,6 @@ constexpr char kDetectExample[] =
     "  doppel detect street.mp4 --out street/detected\n"
     "  doppel detect recordings/anna --out recordings/anna/detected --model heavy --masks\n"
     "  doppel detect street.mp4 --out street/detected --network rtmpose.onnx --config rtmpose --layout coco17";
-constexpr std::chrono::milliseconds kPollInterval{100};
 constexpr char kPeople[] = "people";  ///< key of the report and of the results of shards
 
 struct DetectArguments {
@@ -287,18 +284,15 @@ class DetectJob {
 
   /// Does the work beside the line that shows its progress.
   void with_progress(const std::function<void()>& work) {
-    auto done = std::async(std::launch::async, work);
-    {
-      Progress progress("detect", num_steps());
-      long shown = 0;
-      for (bool ended = false; !ended;) {
-        ended = done.wait_for(kPollInterval) == std::future_status::ready;
-        const long steps = steps_done_;
-        progress.advance(steps - shown);
-        shown = steps;
-      }
-    }
-    done.get();
+    Progress progress("detect", num_steps());
+    long shown = 0;
+    const auto show = [&] {
+      const long steps = steps_done_;
+      progress.advance(steps - shown);
+      shown = steps;
+    };
+    Workers(1).share(
+        1, [&](std::size_t, std::size_t) { work(); }, show);
   }
 
   DetectArguments arguments_;

@@ -7,7 +7,6 @@
 #include <map>
 
 #include "detect_camera.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "doppel/core/error.h"
+#include "doppel/core/lower_case.h"
 #include "doppel/data/capture/capture_cameras.h"
 #include "doppel/data/capture/find_capture.h"
 
@@ -17,19 +18,10 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Lower-case extensions of still images.
-const std::set<std::string>& image_extensions() {
-  static const std::set<std::string> extensions{".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"};
-  return extensions;
-}
-
 std::vector<std::string> images_of(const fs::path& folder) {
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(folder)) {
-    std::string extension = entry.path().extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](unsigned char c) { return std::tolower(c); });
-    if (entry.is_regular_file() && image_extensions().contains(extension))
-      names.push_back(entry.path().filename().string());
+    if (entry.is_regular_file() && is_image(entry.path())) names.push_back(entry.path().filename().string());
   }
   std::sort(names.begin(), names.end());
   return names;
@@ -102,6 +94,11 @@ std::vector<DetectSource> sources_of_capture(const fs::path& path) {
 }
 
 }  // namespace
+
+bool is_image(const fs::path& path) {
+  static const std::set<std::string> kExtensions{".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"};
+  return kExtensions.contains(lower_case(path.extension().string()));
+}
 
 std::pair<long, long> filmed_rows(const DetectSource& source) {
   const FrameClock& clock = source.clock;

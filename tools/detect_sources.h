@@ -28,6 +28,9 @@ struct DetectSource {
 /// The first and the last row of the motion whose frames a camera of a capture has.
 std::pair<long, long> filmed_rows(const DetectSource& source);
 
+/// Whether the name of a file ends as those of images.
+bool is_image(const std::filesystem::path& path);
+
 /// The cameras of what the user named: a video file, a folder of images whose names end in the frame number, or a
 /// capture (its videos, within the frames that each sequence uses).
 /// @throws UsageError for anything else; FileError and Error as `find_capture` and `open_frames`

@@ -7,7 +7,6 @@
 
 #include "command.h"
 #include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/data/capture/find_capture.h"
 #include "doppel/data/doctor/doctor.h"
 

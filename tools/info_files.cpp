@@ -3,7 +3,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cctype>
 #include <functional>
 #include <opencv2/core.hpp>
 #include <set>
@@ -12,6 +11,7 @@
 #include "doppel/actor/export/script_file.h"
 #include "doppel/character/bvh.h"
 #include "doppel/core/error.h"
+#include "doppel/core/lower_case.h"
 #include "doppel/core/npy.h"
 #include "doppel/data/capture/video.h"
 #include "doppel/detect/keypoints/guess_layout.h"
@@ -32,13 +32,7 @@ using Json = nlohmann::ordered_json;
 constexpr std::size_t kFileNamesShown = 40;
 constexpr std::size_t kFileValuesShown = 8;
 
-/// In lower case.
-std::string lower_extension(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
-}
+std::string lower_extension(const fs::path& path) { return lower_case(path.extension().string()); }
 
 /// The first names of many.
 Json some_names(const std::vector<std::string>& names) {
@@ -259,8 +253,6 @@ std::optional<Json> facts_by_content(const fs::path& path) {
   return std::nullopt;
 }
 
-std::optional<Json> surface_facts(const fs::path& path) { return describe_surface(path); }
-
 struct DescribedKind {
   const char* name;
   std::vector<std::string> extensions;
@@ -269,7 +261,7 @@ struct DescribedKind {
 
 const std::vector<DescribedKind>& described_kinds() {
   static const std::vector<DescribedKind> kinds{
-      {"scans and rigged figures", {".glb", ".gltf", ".vrm", ".fbx", ".dae", ".stl", ".ply"}, surface_facts},
+      {"scans and rigged figures", {".glb", ".gltf", ".vrm", ".fbx", ".dae", ".stl", ".ply"}, describe_surface},
       {"motions",
        {".bvh", ".npz"},
        [](const fs::path& path) { return lower_extension(path) == ".npz" ? smpl_facts(path) : bvh_facts(path); }},

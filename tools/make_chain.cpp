@@ -13,7 +13,6 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
-#include "doppel/core/progress.h"
 #include "program.h"
 
 namespace doppel::tools {

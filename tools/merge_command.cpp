@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "command.h"
-#include "doppel/core/log.h"
 #include "program.h"
 
 namespace doppel::tools {

@@ -4,7 +4,6 @@
 #include <string>
 
 #include "command.h"
-#include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/data/capture/find_capture.h"

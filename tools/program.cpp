@@ -11,7 +11,6 @@
 #include <string_view>
 #include <vector>
 
-#include "command.h"
 #include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/core/isa_choice.h"

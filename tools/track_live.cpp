@@ -1,7 +1,6 @@
 #include <memory>
 #include <optional>
 
-#include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/io/vmc/vmc_sender.h"
 #include "doppel/track/live/live_run.h"

@@ -1,11 +1,11 @@
 #include "doppel/character/bone_scales.h"
 
 #include <algorithm>
-#include <cctype>
 #include <map>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/lower_case.h"
 
 namespace doppel {
 namespace {
@@ -14,15 +14,13 @@ using Eigen::Vector3d;
 
 /// A name without its side, in lower case: `LeftForeArm` and `RightForeArm`, `l_knee` and `r_knee` become the same.
 std::string without_side(const std::string& name) {
-  std::string lower;
-  for (const char c : name) lower += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  std::string lower = lower_case(name);
   for (const std::string side : {"left", "right"})
     if (const auto at = lower.find(side); at != std::string::npos) return lower.erase(at, side.size());
   for (const std::string side : {"l_", "r_", "l.", "r."})
-    if (lower.rfind(side, 0) == 0) return lower.substr(side.size());
+    if (lower.starts_with(side)) return lower.substr(side.size());
   for (const std::string side : {"_l", "_r", ".l", ".r"})
-    if (lower.size() > side.size() && lower.compare(lower.size() - side.size(), side.size(), side) == 0)
-      return lower.substr(0, lower.size() - side.size());
+    if (lower.size() > side.size() && lower.ends_with(side)) return lower.substr(0, lower.size() - side.size());
   return lower;
 }
 

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <map>
 #include <set>
@@ -12,6 +11,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/config.h"
 #include "doppel/core/log.h"
+#include "doppel/core/lower_case.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -22,12 +22,6 @@ const std::vector<std::string> kChannelNames{"Xposition", "Yposition", "Zpositio
 /// Channels that some programs add to each joint. Bones keep their lengths here, so their values must be 1.
 const std::vector<std::string> kScaleNames{"Xscale", "Yscale", "Zscale"};
 constexpr double kNoScale = 1e-3;  ///< a scale that is nearer to 1 changes nothing
-
-std::string lower_case(std::string_view text) {
-  std::string lower(text);
-  std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });
-  return lower;
-}
 
 /// Joints without channels beyond this number are refused: each of them takes time in each frame, but no bytes.
 constexpr std::size_t kFewJoints = 500;
@@ -58,7 +52,7 @@ class BvhReader {
     int end_sites = 0;
   };
 
-  static bool is(std::string_view word, std::string_view lower) { return lower_case(word) == lower; }
+  static bool is(std::string_view word, std::string_view lower) { return lower_case(std::string(word)) == lower; }
 
   /// Moves to the next word, across lines. @return its index in the line
   std::size_t next(const char* expected) {
@@ -193,7 +187,7 @@ class BvhReader {
     text_.require_line(expected);
     const std::string_view line = text_.line();
     const std::size_t colon = line.find(':');
-    std::string found = lower_case(line.substr(0, colon));
+    std::string found = lower_case(std::string(line.substr(0, colon)));
     std::erase_if(found, [](char c) { return c == ' ' || c == '\t'; });
     std::string_view value = colon == std::string_view::npos ? "" : line.substr(colon + 1);
     value.remove_prefix(std::min(value.find_first_not_of(" \t"), value.size()));

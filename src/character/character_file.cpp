@@ -23,15 +23,6 @@ struct CharacterFiles {
   SkinningMode skinning = SkinningMode::dual_quaternion;
 };
 
-void read_character_header(TextReader& reader) {
-  reader.require_line("the header");
-  if (reader.line() == kCharacterHeader) return;
-  if (reader.line().find("character file") != std::string_view::npos)
-    reader.fail_here("unsupported version '{}' of a character file; only '{}' is read", excerpt(reader.line()),
-                     kCharacterHeader);
-  reader.fail_here("not a character file: the first line must be '{}'", kCharacterHeader);
-}
-
 fs::path read_file_name(TextReader& reader, const fs::path& path, const std::string& keyword) {
   const fs::path file = resolve_path(path, reader.line());
   std::error_code unreadable;  // an invalid file name counts as a missing file
@@ -50,7 +41,7 @@ SkinningMode read_skinning_mode(const TextReader& reader) {
 
 CharacterFiles read_character_lines(const fs::path& path) {
   TextReader reader(path, "a character file");
-  read_character_header(reader);
+  require_version(reader, kCharacterHeader, "character", "character file");
   CharacterFiles files;
   const std::map<std::string, fs::path*> named{
       {"skeleton", &files.skeleton}, {"mesh", &files.mesh}, {"skin", &files.skin}, {"pose", &files.pose}};

@@ -4,9 +4,11 @@
 
 #include <cmath>
 #include <string>
+#include <string_view>
 
 #include "doppel/core/error.h"
 #include "doppel/core/excerpt.h"
+#include "doppel/core/text_reader.h"
 
 /// Helpers of this module's readers and writers. Numbers are written with the shortest digits that read back as the
 /// same double.
@@ -28,6 +30,15 @@ inline std::string millimetre_text(double metres) {
   for (const double candidate : {nearest, std::nextafter(nearest, -HUGE_VAL), std::nextafter(nearest, HUGE_VAL)})
     if (candidate * kMetresPerMillimetre == metres) return exact_text(candidate);
   return exact_text(nearest);
+}
+
+/// Reads the first line. @param what the kind of file @param words of its header in all versions
+inline void require_version(TextReader& reader, std::string_view header, const char* what, std::string_view words) {
+  reader.require_line("the header");
+  if (reader.line() == header) return;
+  if (reader.line().find(words) != std::string_view::npos)
+    reader.fail_here("unsupported version '{}' of a {} file; only '{}' is read", excerpt(reader.line()), what, header);
+  reader.fail_here("not a {} file: the first line must be '{}'", what, header);
 }
 
 }  // namespace doppel

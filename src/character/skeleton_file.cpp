@@ -265,15 +265,6 @@ void skip_texture_entries(TextReader& reader) {
   if (reader.next_line()) reader.fail_here("unexpected line after the last section: '{}'", excerpt(reader.line()));
 }
 
-void read_skeleton_header(TextReader& reader) {
-  reader.require_line("the header");
-  if (reader.line() == kSkeletonHeader) return;
-  if (reader.line().find("keleton") != std::string_view::npos)
-    reader.fail_here("unsupported version '{}' of a skeleton file; only '{}' is read", excerpt(reader.line()),
-                     kSkeletonHeader);
-  reader.fail_here("not a skeleton file: the first line must be '{}'", kSkeletonHeader);
-}
-
 std::string vector_text(const Eigen::Vector3d& v, bool millimetres) {
   std::string text;
   for (int i = 0; i < 3; ++i) text += " " + (millimetres ? millimetre_text(v[i]) : exact_text(v[i]));
@@ -317,7 +308,7 @@ std::string dofs_text(const Skeleton& skeleton) {
 
 Skeleton read_skeleton(const std::filesystem::path& path, MarkerReading reading) {
   TextReader reader(path, "a skeleton file");
-  read_skeleton_header(reader);
+  require_version(reader, kSkeletonHeader, "skeleton", "keleton");
   Skeleton skeleton;
   order_joints(skeleton, read_joints(reader));
   read_markers(reader, skeleton);

@@ -134,20 +134,11 @@ void order_vertices(const std::filesystem::path& path, std::vector<VertexLine>& 
             num_vertices > 0 ? std::to_string(num_vertices) : std::string("some"));
 }
 
-void read_weights_header(TextReader& reader) {
-  reader.require_line("the header");
-  if (reader.line() == kWeightsHeader) return;
-  if (reader.line().find("skinning file") != std::string_view::npos)
-    reader.fail_here("unsupported version '{}' of a skinning file; only '{}' is read", excerpt(reader.line()),
-                     kWeightsHeader);
-  reader.fail_here("not a skinning file: the first line must be '{}'", kWeightsHeader);
-}
-
 }  // namespace
 
 SkinningWeights read_skin(const std::filesystem::path& path, int num_vertices) {
   TextReader reader(path, "a skinning file");
-  read_weights_header(reader);
+  require_version(reader, kWeightsHeader, "skinning", "skinning file");
   SkinningWeights skin;
   skin.bones = read_bones(reader);
   std::vector<VertexLine> lines;

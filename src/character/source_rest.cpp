@@ -3,7 +3,6 @@
 #include <cmath>
 #include <complex>
 
-#include "doppel/core/as_size.h"
 #include "doppel/geometry/best_rotation.h"
 
 namespace doppel {

@@ -9,7 +9,6 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/core/temporary_name.h"
 
 namespace doppel {

@@ -110,7 +110,6 @@ struct Exchange::Impl {
 
 Exchange::Exchange(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Exchange::Exchange(Exchange&&) noexcept = default;
-Exchange& Exchange::operator=(Exchange&&) noexcept = default;
 Exchange::~Exchange() = default;
 
 bool Exchange::wait(std::chrono::milliseconds limit) {

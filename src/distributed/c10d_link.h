@@ -44,7 +44,6 @@ class Exchange {
   Exchange(const Exchange&) = delete;
   Exchange& operator=(const Exchange&) = delete;
   Exchange(Exchange&&) noexcept;
-  Exchange& operator=(Exchange&&) noexcept;
   ~Exchange();
 
   /// Waits for the end, at most for `limit`. @return whether the end is reached

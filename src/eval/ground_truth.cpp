@@ -2,7 +2,6 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/core/npy.h"
 
 namespace doppel {
 

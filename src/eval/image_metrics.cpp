@@ -1,7 +1,6 @@
 #include "doppel/eval/image_metrics.h"
 
 #include <ATen/Parallel.h>
-#include <torch/types.h>
 #include <torch/utils.h>
 
 #include <algorithm>
@@ -9,7 +8,6 @@
 #include <cmath>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
-#include <vector>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"

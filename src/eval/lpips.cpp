@@ -1,6 +1,5 @@
 #include "doppel/eval/lpips.h"
 
-#include <torch/types.h>
 #include <torch/utils.h>
 
 #include <algorithm>

@@ -1,6 +1,5 @@
 #include "doppel/eval/pose_metrics.h"
 
-#include <torch/types.h>
 #include <torch/utils.h>
 
 #include <Eigen/LU>

@@ -1,7 +1,6 @@
 #include "doppel/eval/surface_metrics.h"
 
 #include <ATen/Parallel.h>
-#include <torch/types.h>
 
 #include <algorithm>
 #include <cmath>

@@ -2,13 +2,11 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <opencv2/core/utility.hpp>
 #include <queue>
 #include <set>
-#include <vector>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"

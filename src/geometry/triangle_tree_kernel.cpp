@@ -1,6 +1,5 @@
 #include "doppel/geometry/triangle_tree_kernel.h"
 
-#include <cstdint>
 #include <cstring>
 
 #include "doppel/core/vector_width.h"

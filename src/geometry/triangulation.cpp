@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "doppel/core/as_size.h"
 #include "doppel/geometry/lens_jacobian.h"
 
 namespace doppel {

@@ -1,7 +1,5 @@
 #include "doppel/losses/chroma.h"
 
-#include <torch/types.h>
-
 #include <algorithm>
 
 #include "doppel/core/error.h"

@@ -1,7 +1,5 @@
 #include "doppel/losses/image_terms.h"
 
-#include <torch/types.h>
-
 #include <algorithm>
 #include <cmath>
 

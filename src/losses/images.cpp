@@ -1,7 +1,6 @@
 #include "doppel/losses/images.h"
 
 #include <ATen/Parallel.h>
-#include <torch/types.h>
 
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"

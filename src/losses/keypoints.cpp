@@ -1,8 +1,6 @@
 #include "doppel/losses/keypoints.h"
 
-#include <algorithm>
-#include <cctype>
-
+#include "doppel/core/lower_case.h"
 #include "doppel/core/tensor/checks.h"
 
 namespace doppel {
@@ -77,8 +75,7 @@ Tensor keypoint_error(const Tensor& points, const KeypointTarget& target, const 
 }
 
 LandmarkKind landmark_kind(const std::string& name) {
-  std::string lower;
-  for (unsigned char letter : name) lower += static_cast<char>(std::tolower(letter));
+  const std::string lower = lower_case(name);
   const auto holds = [&](const char* word) { return lower.find(word) != std::string::npos; };
   if (holds("neck") || holds("shoulder") || holds("hip")) return LandmarkKind::torso;
   if (holds("elbow") || holds("knee")) return LandmarkKind::elbow_or_knee;

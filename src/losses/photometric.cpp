@@ -1,7 +1,5 @@
 #include "doppel/losses/photometric.h"
 
-#include <torch/types.h>
-
 #include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/image_terms.h"
 #include "doppel/losses/images.h"

@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/render/lighting/sh_lighting.h"
 

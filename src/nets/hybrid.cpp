@@ -1,6 +1,5 @@
 #include "doppel/nets/hybrid.h"
 
-#include "doppel/core/error.h"
 #include "doppel/nets/motion_window.h"
 
 namespace doppel {

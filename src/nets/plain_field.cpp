@@ -1,6 +1,5 @@
 #include "doppel/nets/plain_field.h"
 
-#include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 
 namespace doppel {

@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/nets/weights/weights_file.h"

@@ -5,7 +5,6 @@
 
 #include <cmath>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/core/tensor/reference_scope.h"

@@ -26,6 +26,8 @@ class Lease {
       kept.erase(found);
     }
   }
+  /// Of an object that serves every call.
+  Lease() : Lease([](const T&) { return true; }, [] { return std::make_unique<T>(); }) {}
   ~Lease() {
     const std::lock_guard<std::mutex> lock(mutex());
     kept_ones().push_back(std::move(object_));

@@ -1,8 +1,5 @@
 #include "doppel/render/projection.h"
 
-#include <torch/types.h>
-
-#include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 
 namespace doppel {

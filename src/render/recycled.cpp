@@ -1,7 +1,5 @@
 #include "doppel/render/recycled.h"
 
-#include <torch/types.h>
-
 #include <cstdlib>
 #include <deque>
 #include <mutex>

@@ -7,7 +7,7 @@
 #include "doppel/rigging/joints/fingers.h"
 #include "doppel/rigging/joints/hinge_volume.h"
 #include "doppel/rigging/joints/lone_triangles.h"
-#include "doppel/rigging/weights/bend_report.h"
+#include "doppel/rigging/weights/heat_weights.h"
 #include "doppel/rigging/weights/solid_surface.h"
 
 namespace doppel {
@@ -32,25 +32,25 @@ EmbeddedGraph graph_of(const TriangleMesh& mesh, const SolidGrid& solid, const C
 }  // namespace
 
 Character make_character(const std::string& name, const TriangleMesh& mesh, const BodyJoints& joints,
-                         const SolidGrid& solid, const RigOptions& options) {
+                         const SolidGrid& solid, const CharacterOptions& options) {
   Character character;
   character.name = name;
   character.mesh = mesh;
-  character.options = options.character;
+  character.options = options;
   BodySkeleton body = make_body_skeleton(joints);
   add_body_markers(body, joints, mesh);
   character.skeleton = std::move(body.skeleton);
   character.rest_dofs = std::move(body.rest_dofs);
   const std::vector<HeatBone> bones = heat_bones(joints);
-  WeightField field = heat_field(mesh, bones, solid, options.heat);
+  WeightField field = heat_field(mesh, bones, solid);
   std::vector<std::string> names;
   for (const HeatBone& bone : bones) names.push_back(bone.name);
-  character.skin = sparse_weights(field, names, options.heat);
+  character.skin = sparse_weights(field, names);
   character.labels = region_labels(mesh, character.skin, joints);
   character.graph = graph_of(mesh, solid, character.options);
   complete_character(character);
   keep_hinge_volumes(field, character);
-  set_smooth_skin(character, field, options.heat, BendLimits().stretch);
+  set_smooth_skin(character, field);
   divide_hand_weights(character, joints);
   return character;
 }

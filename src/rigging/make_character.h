@@ -4,15 +4,9 @@
 
 #include "doppel/character/character.h"
 #include "doppel/rigging/joints/body_joints.h"
-#include "doppel/rigging/weights/heat_weights.h"
 #include "doppel/rigging/weights/solid_grid.h"
 
 namespace doppel {
-
-struct RigOptions {
-  HeatOptions heat;
-  CharacterOptions character;
-};
 
 /// Makes the character of a body from its mesh and joints: skeleton, weights, markers, labels, rigidity, embedded
 /// graph. The graph is decimated from the outer surface of the solid, not from the mesh: the mesh may have several
@@ -22,6 +16,6 @@ struct RigOptions {
 /// @param solid the space inside of the mesh
 /// @throws Error as make_body_skeleton and heat_field
 Character make_character(const std::string& name, const TriangleMesh& mesh, const BodyJoints& joints,
-                         const SolidGrid& solid, const RigOptions& options = {});
+                         const SolidGrid& solid, const CharacterOptions& options = {});
 
 }  // namespace doppel

@@ -5,6 +5,8 @@
 namespace doppel {
 namespace {
 
+constexpr double kSmallestDamping = 1e-9;  // of groups whose equations may be singular
+
 /// The matrix with a larger diagonal; a zero on the diagonal becomes 1, so that the unknown keeps its value.
 Eigen::MatrixXd damped(Eigen::MatrixXd matrix, double damping) {
   for (Eigen::Index i = 0; i < matrix.rows(); ++i)
@@ -53,10 +55,10 @@ bool SchurSystem::solve(double damping, Eigen::VectorXd& step) const {
   return step.allFinite();
 }
 
-Eigen::MatrixXd SchurSystem::reduced_hessian(double smallest) const {
+Eigen::MatrixXd SchurSystem::reduced_hessian() const {
   Eigen::MatrixXd reduced = hessian_;
   for (const Group& group : groups_) {
-    const Eigen::LLT<Eigen::MatrixXd> factor(damped(group.hessian, smallest));
+    const Eigen::LLT<Eigen::MatrixXd> factor(damped(group.hessian, kSmallestDamping));
     if (factor.info() != Eigen::Success) continue;
     const Eigen::MatrixXd half = factor.matrixL().solve(group.cross);
     reduced.noalias() -= half.transpose() * half;
@@ -64,11 +66,11 @@ Eigen::MatrixXd SchurSystem::reduced_hessian(double smallest) const {
   return reduced;
 }
 
-std::vector<Eigen::VectorXd> SchurSystem::reduced_gradients(double smallest) const {
+std::vector<Eigen::VectorXd> SchurSystem::reduced_gradients() const {
   std::vector<Eigen::VectorXd> gradients;
   gradients.reserve(groups_.size());
   for (const Group& group : groups_) {
-    const Eigen::LLT<Eigen::MatrixXd> factor(damped(group.hessian, smallest));
+    const Eigen::LLT<Eigen::MatrixXd> factor(damped(group.hessian, kSmallestDamping));
     gradients.push_back(factor.info() == Eigen::Success
                             ? Eigen::VectorXd(-group.cross.transpose() * factor.solve(group.gradient))
                             : Eigen::VectorXd(Eigen::VectorXd::Zero(num_shared())));

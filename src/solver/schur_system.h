@@ -34,11 +34,11 @@ class SchurSystem {
   bool solve(double damping, Eigen::VectorXd& step) const;
 
   /// The Schur complement of the shared unknowns without damping. A group whose equations are singular is regularised
-  /// by `smallest` times its diagonal.
-  Eigen::MatrixXd reduced_hessian(double smallest = 1e-9) const;
+  /// by 1e-9 times its diagonal.
+  Eigen::MatrixXd reduced_hessian() const;
   /// [G] what each group adds to the gradient of the shared unknowns when it is eliminated: -cross^T hessian^-1
   /// gradient.
-  std::vector<Eigen::VectorXd> reduced_gradients(double smallest = 1e-9) const;
+  std::vector<Eigen::VectorXd> reduced_gradients() const;
 
  private:
   Eigen::MatrixXd hessian_;

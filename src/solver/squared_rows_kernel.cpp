@@ -2,8 +2,6 @@
 
 #include "doppel/solver/squared_rows_kernel.h"
 
-#include <cstdint>
-
 #include "doppel/core/vector_width.h"
 
 namespace doppel::kernels::DOPPEL_ISA {

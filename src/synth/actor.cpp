@@ -1,6 +1,5 @@
 #include "doppel/synth/actor.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <string>

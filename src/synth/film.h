@@ -6,6 +6,7 @@
 
 #include "doppel/geometry/camera.h"
 #include "doppel/synth/actor.h"
+#include "doppel/synth/clothing.h"
 #include "doppel/synth/synth_options.h"
 
 namespace doppel::synth {

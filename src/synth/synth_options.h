@@ -10,7 +10,6 @@
 #include "doppel/geometry/camera.h"
 #include "doppel/synth/actor.h"
 #include "doppel/synth/cloth_solver.h"
-#include "doppel/synth/clothing.h"
 
 namespace doppel::synth {
 
@@ -26,7 +25,6 @@ Lens synth_lens(const std::string& name);
 
 struct ClothOptions {
   ClothModel model = ClothModel::springs;
-  ClothingOptions springs;
   XpbdOptions xpbd;
 };
 

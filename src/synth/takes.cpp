@@ -141,15 +141,11 @@ Take perform(const Actor& actor, Motion with_lead_in, double fps, const ClothOpt
   take.motion = std::move(with_lead_in);
   const std::vector<Points> worn = skin_motion(actor.character, take.motion, actor.hang);
   take.ground_truth = cloth.model == ClothModel::xpbd ? drape_clothes(actor, worn, take.motion, fps, cloth.xpbd)
-                                                      : move_clothes(actor, worn, fps, cloth.springs);
+                                                      : move_clothes(actor, worn, fps);
   take.ground_truth.erase(take.ground_truth.begin(), take.ground_truth.begin() + lead);
   take.motion.frames.erase(take.motion.frames.begin(), take.motion.frames.begin() + lead);
   take.motion.ids.resize(take.motion.frames.size());
   return take;
-}
-
-Take perform(const Actor& actor, int frames, double fps, std::uint64_t seed, const ClothOptions& cloth, double turn) {
-  return perform(actor, make_motion(actor.character.skeleton, lead_in(fps) + frames, fps, seed, turn), fps, cloth);
 }
 
 int SequencePlan::frames() const {

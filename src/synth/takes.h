@@ -29,12 +29,6 @@ int lead_in(double fps);
 /// Simulates the clothes. @param with_lead_in the motion after `lead_in` frames that are dropped from the take
 Take perform(const Actor& actor, Motion with_lead_in, double fps, const ClothOptions& cloth);
 
-/// A take of a motion on the spot.
-/// @param frames of the take. A lead-in for the cloth simulation is generated before the take and dropped.
-/// @param turn mean speed of the turn about the vertical axis, radians per second
-Take perform(const Actor& actor, int frames, double fps, std::uint64_t seed, const ClothOptions& cloth,
-             double turn = 0.0);
-
 /// A take that is to be made.
 struct TakePlan {
   int frames = 0;

@@ -14,7 +14,6 @@
 #include "doppel/data/capture/people_in_cameras.h"
 #include "doppel/data/capture/video.h"
 #include "doppel/data/dataset/dataset.h"
-#include "doppel/detect/keypoints/joint_detections.h"
 #include "doppel/detect/keypoints/keypoint_source.h"
 #include "doppel/geometry/undistorter.h"
 

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <vector>
-
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/html/embedded_image.h"
 #include "doppel/core/html/html_page.h"

@@ -6,7 +6,6 @@
 
 #include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
-#include "doppel/eval/pose_metrics.h"
 
 namespace doppel {
 

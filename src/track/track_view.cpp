@@ -1,6 +1,5 @@
 #include "doppel/track/track_view.h"
 
-#include <torch/types.h>
 #include <torch/utils.h>
 
 #include <Eigen/Geometry>

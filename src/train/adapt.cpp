@@ -4,7 +4,6 @@
 #include <yaml-cpp/yaml.h>
 
 #include <limits>
-#include <optional>
 #include <vector>
 
 #include "doppel/actor/run_folder.h"

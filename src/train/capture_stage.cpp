@@ -9,6 +9,7 @@
 #include "doppel/core/error.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/render/outline/boundary.h"
+#include "doppel/train/image_sheet.h"
 #include "doppel/train/overlay.h"
 
 namespace doppel {
@@ -119,6 +120,22 @@ std::vector<ReportImage> CaptureStage::outline_images(
     }
     images.push_back({"overlay-" + to_string(split), to_string(split) + " split: outline of the mask green, " + legend,
                       sheet.image()});
+  }
+  return images;
+}
+
+std::vector<ReportImage> CaptureStage::drawn_images(
+    const std::string& name, const std::string& content,
+    const std::function<std::vector<ShadedImage>(const Batch&)>& drawings) const {
+  std::vector<ReportImage> images;
+  for (const Split split : splits_to_show()) {
+    ImageSheet sheet(dataset_, options_.image_size);
+    for (const SampleId& sample : samples_to_show(split, 4)) {
+      const Batch batch = sheet.batch(sample, options_.past_frames);
+      sheet.add(batch, drawings(batch));
+    }
+    if (sheet.empty()) continue;
+    images.push_back({name + "-" + to_string(split), to_string(split) + " split: " + content, sheet.image()});
   }
   return images;
 }

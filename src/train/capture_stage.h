@@ -11,6 +11,7 @@
 #include "doppel/data/dataset/dataset.h"
 #include "doppel/data/dataset/loader.h"
 #include "doppel/losses/silhouette.h"
+#include "doppel/render/shading/shading.h"
 #include "doppel/train/stage.h"
 
 namespace doppel {
@@ -56,6 +57,10 @@ class CaptureStage : public Stage {
   std::vector<ReportImage> outline_images(
       const torch::Tensor& faces, const std::string& legend,
       const std::function<std::pair<torch::Tensor, torch::Tensor>(const SampleId&)>& surfaces) const;
+  /// A sheet of images (ImageSheet) for each split that has frames.
+  /// @param content of a row of the sheet @param drawings of a batch of one frame and camera
+  std::vector<ReportImage> drawn_images(const std::string& name, const std::string& content,
+                                        const std::function<std::vector<ShadedImage>(const Batch&)>& drawings) const;
 
  private:
   const Dataset& dataset_;

@@ -1,7 +1,5 @@
 #include "doppel/train/egnet_config.h"
 
-#include "doppel/core/error.h"
-
 namespace doppel {
 
 void describe_keys(const Keys& keys, EgNetRunConfig& c) {

@@ -6,7 +6,6 @@
 #include "doppel/losses/images.h"
 #include "doppel/losses/person_images.h"
 #include "doppel/losses/similarity.h"
-#include "doppel/train/image_sheet.h"
 #include "doppel/train/stage_table.h"
 
 namespace doppel {
@@ -97,29 +96,18 @@ Appearance mesh_appearance(TrainedActor& actor, const Batch& batch) {
 }  // namespace
 
 std::vector<ReportImage> GaussianStage::images() {
-  std::vector<ReportImage> images;
-  const int past_frames = loader_options().past_frames;
-  for (const Split split : splits_to_show()) {
-    const std::vector<SampleId> samples = samples_to_show(split, 4);
-    if (samples.empty()) continue;
-    ImageSheet sheet(dataset(), loader_options().image_size);
-    for (const SampleId& sample : samples) {
-      const Batch batch = sheet.batch(sample, past_frames);
-      const auto height = batch.image.size(2), width = batch.image.size(3);
-      const Tensor vertices = actor_.fine(batch.dofs);
-      const ShadedImage mesh =
-          draw(*actor_.mesh, vertices, mesh_appearance(actor_, batch), batch.image_projection, height, width);
-      const SplatImage drawn =
-          draw_splats(posed_splats(actor_, gaussians_, space_, batch.dofs, batch.image_projection[0], vertices),
-                      batch.image_projection, height, width);
-      sheet.add(batch, {mesh, {drawn.colour, drawn.alpha > 0.5, {}}});
-    }
-    const std::string word = to_string(split);
-    images.push_back({"gaussians-" + word,
-                      word + " split: filmed image, textured mesh and its error, drawn Gaussians and their error",
-                      sheet.image()});
-  }
-  return images;
+  const auto drawings_of = [&](const Batch& batch) -> std::vector<ShadedImage> {
+    const auto height = batch.image.size(2), width = batch.image.size(3);
+    const Tensor vertices = actor_.fine(batch.dofs);
+    const ShadedImage mesh =
+        draw(*actor_.mesh, vertices, mesh_appearance(actor_, batch), batch.image_projection, height, width);
+    const SplatImage drawn =
+        draw_splats(posed_splats(actor_, gaussians_, space_, batch.dofs, batch.image_projection[0], vertices),
+                    batch.image_projection, height, width);
+    return {mesh, {drawn.colour, drawn.alpha > 0.5, {}}};
+  };
+  return drawn_images("gaussians", "filmed image, textured mesh and its error, drawn Gaussians and their error",
+                      drawings_of);
 }
 
 namespace {
@@ -132,15 +120,8 @@ void evaluate_gaussians(const ActorEvaluation& evaluation, nlohmann::ordered_jso
 }  // namespace
 
 StageEntry gaussians_entry() {
-  return {"gaussians",
-          {"ddc", "hybrid"},
-          {"egnet"},
-          [](const ConfigDocument& document) { GaussiansRunConfig::read(document); },
-          [](const StageTask& task) {
-            return train_on<GaussianStage, GaussiansRunConfig>(TrainedActor::load(task.run, std::nullopt, "gaussians"),
-                                                               task);
-          },
-          evaluate_gaussians};
+  return actor_stage_entry<GaussianStage, GaussiansRunConfig>("gaussians", {"ddc", "hybrid"}, {"egnet"},
+                                                              evaluate_gaussians);
 }
 
 }  // namespace doppel

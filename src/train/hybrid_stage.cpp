@@ -339,14 +339,8 @@ void evaluate_radiance(const ActorEvaluation& evaluation, nlohmann::ordered_json
 }  // namespace
 
 StageEntry hybrid_entry() {
-  return {"radiance",
-          {"hybrid"},
-          {"egnet", "deltanet"},
-          [](const ConfigDocument& document) { HybridRunConfig::read(document); },
-          [](const StageTask& task) {
-            return train_on<HybridStage, HybridRunConfig>(TrainedActor::load(task.run, std::nullopt, "radiance"), task);
-          },
-          evaluate_radiance};
+  return actor_stage_entry<HybridStage, HybridRunConfig>("radiance", {"hybrid"}, {"egnet", "deltanet"},
+                                                         evaluate_radiance);
 }
 
 }  // namespace doppel

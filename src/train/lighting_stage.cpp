@@ -79,15 +79,8 @@ void evaluate_lighting(const ActorEvaluation& evaluation, nlohmann::ordered_json
 }  // namespace
 
 StageEntry lighting_entry() {
-  return {"lighting",
-          {"ddc", "hybrid"},
-          {"egnet"},
-          [](const ConfigDocument& document) { LightingRunConfig::read(document); },
-          [](const StageTask& task) {
-            return train_on<LightingStage, LightingRunConfig>(TrainedActor::load(task.run, std::nullopt, "lighting"),
-                                                              task);
-          },
-          evaluate_lighting};
+  return actor_stage_entry<LightingStage, LightingRunConfig>("lighting", {"ddc", "hybrid"}, {"egnet"},
+                                                             evaluate_lighting);
 }
 
 }  // namespace doppel

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "doppel/core/error.h"
 #include "doppel/losses/images.h"
 #include "doppel/losses/radiance.h"
 #include "doppel/train/stage_table.h"
@@ -93,14 +92,7 @@ void evaluate_nerf(const ActorEvaluation& evaluation, nlohmann::ordered_json& ro
 }  // namespace
 
 StageEntry nerf_entry() {
-  return {"nerf",
-          {"hybrid"},
-          {"egnet"},
-          [](const ConfigDocument& document) { NerfRunConfig::read(document); },
-          [](const StageTask& task) {
-            return train_on<NerfStage, NerfRunConfig>(TrainedActor::load(task.run, std::nullopt, "nerf"), task);
-          },
-          evaluate_nerf};
+  return actor_stage_entry<NerfStage, NerfRunConfig>("nerf", {"hybrid"}, {"egnet"}, evaluate_nerf);
 }
 
 }  // namespace doppel

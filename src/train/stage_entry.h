@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -29,7 +30,7 @@ struct StageEntry {
 
   /// Reads all options of the stage to find errors. @throws FileError at the key
   void (*check_options)(const ConfigDocument& document);
-  TrainSummary (*train)(const StageTask& task);
+  std::function<TrainSummary(const StageTask& task)> train;
   /// Adds rows about the stage's network to an evaluation; null: none.
   void (*evaluate)(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows) = nullptr;
 };
@@ -56,6 +57,20 @@ TrainSummary train_on(Trained trained, const StageTask& task) {
   StageType stage(dataset, trained, config);
   open_folder(task);  // last, because it may erase an earlier run
   return Trainer(stage, config.trainer, task.folder, task.ranks).run();
+}
+
+/// The entry of a stage that builds on an actor trained by the earlier stages.
+template <typename StageType, typename Config>
+StageEntry actor_stage_entry(const std::string& name, std::vector<std::string> chains, std::vector<std::string> after,
+                             decltype(StageEntry::evaluate) evaluate) {
+  return {name,
+          std::move(chains),
+          std::move(after),
+          [](const ConfigDocument& document) { Config::read(document); },
+          [name](const StageTask& task) {
+            return train_on<StageType, Config>(TrainedActor::load(task.run, std::nullopt, name), task);
+          },
+          evaluate};
 }
 
 /// Adds the row `static`, the static texture without lighting, unless an earlier stage added it.

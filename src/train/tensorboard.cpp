@@ -6,7 +6,6 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/core/crc32c.h"
-#include "doppel/core/error.h"
 #include "tensorboard.pb.h"
 
 namespace doppel {

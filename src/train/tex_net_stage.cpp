@@ -3,9 +3,7 @@
 #include <algorithm>
 
 #include "doppel/actor/draw.h"
-#include "doppel/core/error.h"
 #include "doppel/losses/images.h"
-#include "doppel/train/image_sheet.h"
 #include "doppel/train/stage_table.h"
 
 namespace doppel {
@@ -70,35 +68,23 @@ LossTerms TexNetStage::loss(const Batch& batch, StepContext& context) {
 }
 
 std::vector<ReportImage> TexNetStage::images() {
-  std::vector<ReportImage> images;
-  const int past_frames = loader_options().past_frames;
-  for (const Split split : splits_to_show()) {
-    const std::vector<SampleId> samples = samples_to_show(split, 4);
-    if (samples.empty()) continue;
-    ImageSheet sheet(dataset(), loader_options().image_size);
-    for (const SampleId& sample : samples) {
-      const Batch batch = sheet.batch(sample, past_frames);
-      const auto views = batch.cameras.size(1);
-      const torch::Tensor windows = batch.dofs.expand({views, -1, -1}).contiguous();
-      const torch::Tensor vertices = actor_.fine(batch.dofs);
-      const TexNetInput input = texture_input(actor_, texture_space_, config_.model, windows, batch.image_projection[0],
-                                              vertices.expand({views, -1, -1}));
-      const torch::Tensor texture = network_->forward(input);
-      const auto drawing = [&](const torch::Tensor& with) {
-        return draw(*actor_.mesh, vertices, {with, {}}, batch.image_projection, batch.image.size(2),
-                    batch.image.size(3));
-      };
-      std::vector<ShadedImage> drawings;
-      if (actor_.static_texture.defined()) drawings.push_back(drawing(actor_.static_texture));
-      drawings.push_back(drawing(texture));
-      sheet.add(batch, drawings);
-    }
-    const std::string word = to_string(split);
-    images.push_back({"texture-" + word,
-                      word + " split: filmed image, static texture and its error, dynamic texture and its error",
-                      sheet.image()});
-  }
-  return images;
+  const auto drawings_of = [&](const Batch& batch) {
+    const auto views = batch.cameras.size(1);
+    const torch::Tensor windows = batch.dofs.expand({views, -1, -1}).contiguous();
+    const torch::Tensor vertices = actor_.fine(batch.dofs);
+    const TexNetInput input = texture_input(actor_, texture_space_, config_.model, windows, batch.image_projection[0],
+                                            vertices.expand({views, -1, -1}));
+    const torch::Tensor texture = network_->forward(input);
+    const auto drawing = [&](const torch::Tensor& with) {
+      return draw(*actor_.mesh, vertices, {with, {}}, batch.image_projection, batch.image.size(2), batch.image.size(3));
+    };
+    std::vector<ShadedImage> drawings;
+    if (actor_.static_texture.defined()) drawings.push_back(drawing(actor_.static_texture));
+    drawings.push_back(drawing(texture));
+    return drawings;
+  };
+  return drawn_images("texture", "filmed image, static texture and its error, dynamic texture and its error",
+                      drawings_of);
 }
 
 namespace {
@@ -111,14 +97,7 @@ void evaluate_texnet(const ActorEvaluation& evaluation, nlohmann::ordered_json& 
 }  // namespace
 
 StageEntry tex_net_entry() {
-  return {"texnet",
-          {"ddc", "hybrid"},
-          {"egnet"},
-          [](const ConfigDocument& document) { TexNetRunConfig::read(document); },
-          [](const StageTask& task) {
-            return train_on<TexNetStage, TexNetRunConfig>(TrainedActor::load(task.run, std::nullopt, "texnet"), task);
-          },
-          evaluate_texnet};
+  return actor_stage_entry<TexNetStage, TexNetRunConfig>("texnet", {"ddc", "hybrid"}, {"egnet"}, evaluate_texnet);
 }
 
 }  // namespace doppel

@@ -29,12 +29,7 @@ class CharacterFolder : public ::testing::Test {
     support::write_bytes(file(name), text.replace(at, from.size(), to));
   }
   std::string refusal() {
-    try {
-      load_character(path_);
-    } catch (const Error& e) {
-      return e.what();
-    }
-    return "it was accepted";
+    return support::message_of<Error>([&] { load_character(path_); });
   }
 
   const Character character_ = make_test_character();

@@ -5,7 +5,6 @@
 
 #include "doppel/character/character.h"
 #include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "support/hostile_files.h"
 #include "support/temporary_folder.h"

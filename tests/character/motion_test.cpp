@@ -7,6 +7,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "support/hostile_files.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::motion_test {
@@ -22,12 +23,7 @@ class MotionFile : public ::testing::Test {
     return read_motion(path_, num_dofs);
   }
   std::string refusal(const std::string& text, int num_dofs) {
-    try {
-      read(text, num_dofs);
-    } catch (const FileError& e) {
-      return e.what();
-    }
-    return "it was accepted";
+    return support::message_of<FileError>([&] { read(text, num_dofs); });
   }
   support::TemporaryFolder folder_;
   std::filesystem::path path_ = folder_.path() / "walk.motion";

@@ -21,24 +21,19 @@ using support::TemporaryFolder;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-const Character& actor() {
-  static const Character character = make_test_character();
-  return character;
-}
-
 /// A pose well within all limits.
 std::vector<double> bent_pose(double amount) {
-  std::vector<double> dofs = actor().rest_dofs;
+  std::vector<double> dofs = test_actor().rest_dofs;
   for (std::size_t d = 0; d < dofs.size(); ++d) {
     dofs[d] += amount * std::sin(1.0 + 2.3 * static_cast<double>(d));
-    if (const auto& limits = actor().skeleton.dofs[d].limits)
+    if (const auto& limits = test_actor().skeleton.dofs[d].limits)
       dofs[d] = std::clamp(dofs[d], 0.8 * (*limits)[0], 0.8 * (*limits)[1]);
   }
   return dofs;
 }
 
 std::vector<PoseGoal> goals_at(const std::vector<double>& dofs) {
-  const auto world = actor().skeleton.pose(dofs);
+  const auto world = test_actor().skeleton.pose(dofs);
   std::vector<PoseGoal> goals;
   for (int i = 0; i < 5; ++i) {
     PoseGoal goal;
@@ -52,12 +47,12 @@ std::vector<PoseGoal> goals_at(const std::vector<double>& dofs) {
 
 TEST(PoseSolverRecovers, APoseFromItsJoints) {
   const std::vector<double> wanted = bent_pose(0.35);
-  std::vector<double> dofs = actor().rest_dofs;
-  const PoseSolver solver(actor().skeleton, 100);
+  std::vector<double> dofs = test_actor().rest_dofs;
+  const PoseSolver solver(test_actor().skeleton, 100);
   solver.solve(goals_at(wanted), dofs);
   solver.solve(goals_at(wanted), dofs);  // the inertia is about the start, so the second time it pulls less
   EXPECT_LT(solver.mean_distance(goals_at(wanted), dofs), 1e-3);
-  const auto expected = actor().skeleton.pose(wanted), found = actor().skeleton.pose(dofs);
+  const auto expected = test_actor().skeleton.pose(wanted), found = test_actor().skeleton.pose(dofs);
   for (int i = 0; i < 5; ++i) {
     const auto j = as_size(test_character::segment_joint(i));
     EXPECT_LT((expected[j].linear() - found[j].linear()).norm(), 0.02) << "segment " << i;
@@ -65,17 +60,17 @@ TEST(PoseSolverRecovers, APoseFromItsJoints) {
 }
 
 TEST(PoseSolverRecovers, NothingBeyondTheLimitsAndNothingThatIsFree) {
-  std::vector<double> wanted = actor().rest_dofs;
-  const auto lean = as_size(*actor().skeleton.find_dof("lean_4"));
-  const auto idle = as_size(*actor().skeleton.find_dof("idle"));
+  std::vector<double> wanted = test_actor().rest_dofs;
+  const auto lean = as_size(*test_actor().skeleton.find_dof("lean_4"));
+  const auto idle = as_size(*test_actor().skeleton.find_dof("idle"));
   wanted[lean] = 1.4;  // the limit is 0.9
-  std::vector<double> dofs = actor().rest_dofs;
+  std::vector<double> dofs = test_actor().rest_dofs;
   dofs[idle] = 0.123;
-  PoseSolver(actor().skeleton).solve(goals_at(wanted), dofs);
+  PoseSolver(test_actor().skeleton).solve(goals_at(wanted), dofs);
   EXPECT_DOUBLE_EQ(dofs[lean], 0.9);
   EXPECT_DOUBLE_EQ(dofs[idle], 0.123);
   for (std::size_t d = 0; d < dofs.size(); ++d)
-    if (const auto& limits = actor().skeleton.dofs[d].limits) {
+    if (const auto& limits = test_actor().skeleton.dofs[d].limits) {
       EXPECT_GE(dofs[d], (*limits)[0]);
       EXPECT_LE(dofs[d], (*limits)[1]);
     }
@@ -91,10 +86,10 @@ JointMap chain_map() {
 /// No bone changes its length: `stretch` rests.
 Motion swaying(int frames) {
   Motion motion;
-  const auto stretch = as_size(*actor().skeleton.find_dof("stretch"));
+  const auto stretch = as_size(*test_actor().skeleton.find_dof("stretch"));
   for (int f = 0; f < frames; ++f) {
     motion.frames.push_back(bent_pose(0.3 * std::sin(0.2 * f)));
-    motion.frames.back()[stretch] = actor().rest_dofs[stretch];
+    motion.frames.back()[stretch] = test_actor().rest_dofs[stretch];
   }
   return motion;
 }
@@ -102,14 +97,14 @@ Motion swaying(int frames) {
 TEST(RetargetReference, OntoItselfItIsTheSameMotion) {
   const Motion motion = swaying(10);
   RetargetOptions options;
-  options.rest_dofs = actor().rest_dofs;
-  const JointTracks tracks = joint_tracks(actor().skeleton, motion, 25.0, actor().rest_dofs);
-  const RetargetResult result = retarget(actor().skeleton, tracks, chain_map(), options);
+  options.rest_dofs = test_actor().rest_dofs;
+  const JointTracks tracks = joint_tracks(test_actor().skeleton, motion, 25.0, test_actor().rest_dofs);
+  const RetargetResult result = retarget(test_actor().skeleton, tracks, chain_map(), options);
   ASSERT_EQ(result.motion.num_frames(), 10);
   EXPECT_EQ(result.scale, 1.0);
   for (int f = 0; f < 10; ++f) {
-    const auto expected = actor().skeleton.pose(motion.frames[f]),
-               found = actor().skeleton.pose(result.motion.frames[f]);
+    const auto expected = test_actor().skeleton.pose(motion.frames[f]),
+               found = test_actor().skeleton.pose(result.motion.frames[f]);
     for (const auto& track : result.tracks) {
       EXPECT_LT((expected[track.joint].translation() - found[track.joint].translation()).norm(), 2e-3)
           << track.target << " frame " << f;
@@ -128,8 +123,8 @@ TEST(RetargetReference, TheScaledSourceByHand) {
   RetargetOptions options;
   options.frames_per_second = 12.5;
   const Motion motion = swaying(5);
-  const JointTracks tracks = joint_tracks(actor().skeleton, motion, 25.0);
-  const RetargetResult result = retarget(actor().skeleton, tracks, map, options);
+  const JointTracks tracks = joint_tracks(test_actor().skeleton, motion, 25.0);
+  const RetargetResult result = retarget(test_actor().skeleton, tracks, map, options);
   ASSERT_EQ(result.motion.num_frames(), 3);
   for (int f = 0; f < 3; ++f) {
     const auto pose = tracks.frames[2 * f];
@@ -145,26 +140,26 @@ TEST(RetargetReference, TheScaledSourceByHand) {
 }
 
 TEST(RetargetReference, AWorldWithZUpIsTurned) {
-  const JointTracks tracks = joint_tracks(actor().skeleton, swaying(2), 25.0, actor().rest_dofs);
+  const JointTracks tracks = joint_tracks(test_actor().skeleton, swaying(2), 25.0, test_actor().rest_dofs);
   JointTracks turned = tracks;
   const Eigen::Affine3d z_up(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()));
   for (auto& joint : turned.rest) joint = z_up * joint;
   for (auto& frame : turned.frames)
     for (auto& joint : frame) joint = z_up * joint;
   JointMap map = chain_map();
-  const auto expected = retarget(actor().skeleton, tracks, map).goals;
+  const auto expected = retarget(test_actor().skeleton, tracks, map).goals;
   map.z_up = true;
-  const auto found = retarget(actor().skeleton, turned, map).goals;
+  const auto found = retarget(test_actor().skeleton, turned, map).goals;
   for (std::size_t n = 0; n < expected[1].size(); ++n) EXPECT_LT((expected[1][n] - found[1][n]).norm(), 1e-9);
 }
 
 TEST(RetargetRejects, MapsThatDoNotFit) {
-  const JointTracks tracks = joint_tracks(actor().skeleton, swaying(2), 25.0);
+  const JointTracks tracks = joint_tracks(test_actor().skeleton, swaying(2), 25.0);
   const auto complaint = [&](const std::function<void(JointMap&)>& spoil) {
     JointMap map = chain_map();
     for (auto& pair : map.pairs) pair.where = {"map.yaml", 7};
     spoil(map);
-    return message_of<FileError>([&] { retarget(actor().skeleton, tracks, map); });
+    return message_of<FileError>([&] { retarget(test_actor().skeleton, tracks, map); });
   };
   EXPECT_THAT(
       complaint([](JointMap& map) { map.pairs[2].target = "Sog2"; }),

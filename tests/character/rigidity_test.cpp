@@ -4,6 +4,7 @@
 
 #include "doppel/core/error.h"
 #include "support/hostile_files.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::rigidity_test {
@@ -56,12 +57,7 @@ class Segmentation : public ::testing::Test {
  protected:
   std::string refusal(const std::string& text, int num_vertices) {
     support::write_bytes(path_, text);
-    try {
-      read_segmentation(path_, num_vertices);
-    } catch (const FileError& e) {
-      return e.what();
-    }
-    return "it was accepted";
+    return support::message_of<FileError>([&] { read_segmentation(path_, num_vertices); });
   }
   support::TemporaryFolder folder_;
   std::filesystem::path path_ = folder_.path() / "segmentation.txt";

@@ -4,6 +4,7 @@
 
 #include "doppel/core/error.h"
 #include "support/hostile_files.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
@@ -23,12 +24,7 @@ class SkinFile : public ::testing::Test {
     return read_skin(path_, num_vertices);
   }
   std::string refusal(const std::string& text, int num_vertices = 0) {
-    try {
-      read(text, num_vertices);
-    } catch (const FileError& e) {
-      return e.what();
-    }
-    return "it was accepted";
+    return support::message_of<FileError>([&] { read(text, num_vertices); });
   }
   support::TemporaryFolder folder_;
   std::filesystem::path path_ = folder_.path() / "a.skin";

@@ -5,6 +5,7 @@
 
 #include <fstream>
 
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::words {
@@ -103,12 +104,7 @@ TEST(Words, ReadsNoOtherFiles) {
 TEST(WordsRejects, GlossariesWithoutATable) {
   const auto message = [](const std::string& rows) -> std::string {
     const Tree tree(rows);
-    try {
-      read_rules(tree.path());
-    } catch (const std::runtime_error& e) {
-      return e.what();
-    }
-    return "";
+    return support::message_of<std::runtime_error>([&] { read_rules(tree.path()); });
   };
   EXPECT_THAT(message(""), AllOf(HasSubstr("docs/glossary.md"), HasSubstr("Words that are not used")));
   EXPECT_THAT(message("| place | position |\n"), HasSubstr("three columns"));

@@ -5,7 +5,6 @@
 
 #include <cmath>
 
-#include "doppel/core/error.h"
 #include "doppel/eval/ground_truth.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"

@@ -1,6 +1,5 @@
 #include "detect/blazepose/small_model.h"
 #include "doppel/core/as_size.h"
-#include "doppel/core/atomic_file.h"
 #include "doppel/detect/blazepose/network_shapes.h"
 #include "doppel/detect/blazepose/tflite_model.h"
 #include "doppel/detect/networks/network_config.h"

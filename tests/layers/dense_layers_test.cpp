@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "doppel/core/error.h"
 #include "support/gradient_check.h"
 #include "support/message_of.h"
 

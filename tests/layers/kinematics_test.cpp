@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "doppel/core/error.h"
 #include "doppel/core/tensor/reference_scope.h"
 #include "support/gradient_check.h"
 #include "support/layer_inputs.h"

@@ -5,7 +5,6 @@
 
 #include <cmath>
 
-#include "doppel/core/error.h"
 #include "doppel/core/tensor/reference_scope.h"
 #include "support/gradient_check.h"
 #include "support/layer_inputs.h"

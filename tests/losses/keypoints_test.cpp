@@ -7,6 +7,7 @@
 #include "doppel/core/error.h"
 #include "doppel/losses/limits.h"
 #include "support/gradient_check.h"
+#include "support/layer_inputs.h"
 #include "support/message_of.h"
 
 namespace doppel::keypoints_test {
@@ -17,10 +18,6 @@ using ::testing::HasSubstr;
 using torch::Tensor;
 
 const double kNan = std::numeric_limits<double>::quiet_NaN(), kInfinity = std::numeric_limits<double>::infinity();
-
-Tensor random_numbers(std::vector<int64_t> shape, uint64_t seed) {
-  return torch::randn(shape, at::detail::createCPUGenerator(seed), torch::kFloat64);
-}
 
 /// Two images of landmarks about 4 m away; camera 1 looks from the other side.
 struct Scene {

@@ -363,15 +363,12 @@ TEST(EgNetConfigReference, ReadsPresetsAndChangesOfThem) {
 
 TEST(EgNetConfigRejects, MistakesWithFileAndKey) {
   const auto message = [](const std::string& text) -> std::string {
-    try {
+    return support::message_of<Error>([&] {
       const ConfigDocument document = ConfigDocument::parse(text, "egnet.yaml");
       const ConfigReader root = document.root();
       read_options<EgNetConfig>(root);
       root.finish();
-    } catch (const Error& error) {
-      return error.what();
-    }
-    return "nothing was thrown";
+    });
   };
   EXPECT_THAT(message("residual_blocks: 3"), HasSubstr("residual_blocks"));
   EXPECT_THAT(message("norm: batch"), HasSubstr("norm"));

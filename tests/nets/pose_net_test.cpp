@@ -165,11 +165,6 @@ TEST_F(Pretrained, FrozenStatisticsStayWhileTraining) {
   EXPECT_TRUE(is_near(together.narrow(0, 0, 1), alone, 1e-5, 1e-5));  // no statistics over the batch
 }
 
-const Character& actor() {
-  static const Character character = make_test_character();
-  return character;
-}
-
 PoseNetConfig small_backbone() {
   PoseNetConfig config;
   config.kind = ResNetKind::resnet18;
@@ -178,7 +173,7 @@ PoseNetConfig small_backbone() {
 }
 
 TEST(PoseNet, StartsInTheMiddleOfTheLimitsUprightAndFacingTheCamera) {
-  const PoseDofs pose(actor().skeleton, {}, actor().rest_dofs);
+  const PoseDofs pose(test_actor().skeleton, {}, test_actor().rest_dofs);
   PoseNet net(pose, small_backbone());  // in training mode, as it starts: features have the size of 1
   const auto [theta, alpha] = net->forward(random_images(3, 64));
   EXPECT_TRUE(is_near(theta, pose.middle().expand({3, -1}), 0.15));
@@ -188,7 +183,7 @@ TEST(PoseNet, StartsInTheMiddleOfTheLimitsUprightAndFacingTheCamera) {
 
 /// The heading is the angle of a direction, whatever its length: no heading is farther from its neighbours than others.
 TEST(PoseNet, HeadingsGoRightRound) {
-  const PoseDofs pose(actor().skeleton, {}, actor().rest_dofs);
+  const PoseDofs pose(test_actor().skeleton, {}, test_actor().rest_dofs);
   PoseNet net(pose, small_backbone());
   const torch::NoGradGuard no_grad;
   auto parameters = net->named_parameters();
@@ -203,7 +198,7 @@ TEST(PoseNet, HeadingsGoRightRound) {
 
 /// As in the thesis: the last layer outputs alpha itself.
 TEST(PoseNet, MayPredictTheHeadingAsAnAngle) {
-  const PoseDofs pose(actor().skeleton, {}, actor().rest_dofs);
+  const PoseDofs pose(test_actor().skeleton, {}, test_actor().rest_dofs);
   PoseNetConfig config = small_backbone();
   config.heading = HeadingOutput::angle;
   PoseNet net(pose, config);
@@ -217,7 +212,7 @@ TEST(PoseNet, MayPredictTheHeadingAsAnAngle) {
 }
 
 TEST(PoseNet, IsTheSameForTheSameSeed) {
-  const PoseDofs pose(actor().skeleton, {}, actor().rest_dofs);
+  const PoseDofs pose(test_actor().skeleton, {}, test_actor().rest_dofs);
   PoseNet a(pose, small_backbone(), seeded(4)), b(pose, small_backbone(), seeded(4)),
       c(pose, small_backbone(), seeded(5));
   for (const auto net : {&a, &b, &c}) (*net)->eval();
@@ -246,14 +241,14 @@ TEST(PoseNet, ReadsItsConfiguration) {
 }
 
 TEST(PoseNet, RejectsImagesOfAnotherSize) {
-  PoseNet net(PoseDofs(actor().skeleton, {}, actor().rest_dofs), small_backbone());
+  PoseNet net(PoseDofs(test_actor().skeleton, {}, test_actor().rest_dofs), small_backbone());
   EXPECT_THAT(message_of<UsageError>([&] { net->forward(torch::zeros({1, 3, 96, 96})); }), HasSubstr("[1,3,96,96]"));
 }
 
 TEST(DefNet, StartsNearTheUndeformedTemplate) {
-  DefNet net(actor().num_nodes(), small_backbone());
+  DefNet net(test_actor().num_nodes(), small_backbone());
   const auto [A, T] = net->forward(random_images(2, 64));
-  ASSERT_EQ(A.sizes(), at::IntArrayRef({2, actor().num_nodes(), 3}));
+  ASSERT_EQ(A.sizes(), at::IntArrayRef({2, test_actor().num_nodes(), 3}));
   ASSERT_EQ(T.sizes(), A.sizes());
   EXPECT_TRUE(is_near(A, torch::zeros_like(A), 0.15));
   EXPECT_TRUE(is_near(T, torch::zeros_like(T), 0.15));

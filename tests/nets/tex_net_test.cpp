@@ -17,11 +17,13 @@
 #include "doppel/core/error.h"
 #include "doppel/render/lighting/sh_lighting.h"
 #include "support/gradient_check.h"
+#include "support/message_of.h"
 #include "support/test_character.h"
 
 namespace doppel::tex_net_test {
 namespace {
 
+using support::message_of;
 using ::testing::HasSubstr;
 using torch::Tensor;
 
@@ -42,15 +44,6 @@ Tensor random_channels(const TexNetConfig& config, int64_t batch) {
 }
 TexNetInput random_input(const TexNetConfig& config, int64_t batch) { return split(random_channels(config, batch)); }
 double largest(const Tensor& tensor) { return tensor.abs().max().item<double>(); }
-
-std::string message_of(const std::function<void()>& work) {
-  try {
-    work();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "nothing was thrown";
-}
 
 TEST(UNetReference, HasTheLayersOfPix2pixForEverySize) {
   UNetConfig config;
@@ -230,7 +223,7 @@ TEST(TexNetReference, DetailKeepsTheTexelsOfALargerStaticTexture) {
   input.narrow(1, 6, 3).zero_();
   input.select(1, 7).fill_(1.0);
   EXPECT_LT(largest(net->forward(split(input), seeded(1)) - texture), 1e-6);
-  EXPECT_THAT(message_of([&] {
+  EXPECT_THAT(message_of<Error>([&] {
                 TexNet(config, torch::rand({32, 32, 3}), identity_lighting());
               }),
               HasSubstr("static_texture"));
@@ -371,7 +364,7 @@ TEST(TexNetConfigReference, ReadsDefaultsAndChanges) {
 }
 
 TEST(TexNetConfigRejects, MistakesWithFileAndKey) {
-  const auto message = [](const std::string& text) { return message_of([&] { read(text); }); };
+  const auto message = [](const std::string& text) { return message_of<Error>([&] { read(text); }); };
   EXPECT_THAT(message("size: 500"), HasSubstr("power of two"));
   EXPECT_THAT(message("size: 4"), HasSubstr("size"));
   EXPECT_THAT(message("size: 256\nlevels: 9"), HasSubstr("levels"));
@@ -385,22 +378,25 @@ TEST(TexNetConfigRejects, MistakesWithFileAndKey) {
   TexNetConfig config;
   config.size = 300;
   config.past_frames = -1;
-  EXPECT_THAT(message_of([&] { config.check(); }), HasSubstr("past_frames"));
+  EXPECT_THAT(message_of<Error>([&] { config.check(); }), HasSubstr("past_frames"));
 }
 
 TEST(TexNetRejects, WhatItCannotCompute) {
   const TexNetConfig config = small_config();
   TexNet net(config);
-  EXPECT_THAT(message_of([&] { net->forward(split(torch::zeros({2, 15, 16, 16})), seeded(1)); }), HasSubstr("input"));
-  EXPECT_THAT(message_of([&] { net->forward(random_input(config, 1), seeded(1)); }), HasSubstr("larger batch"));
-  EXPECT_THAT(message_of([&] { net->forward(random_input(config, 2)); }), HasSubstr("generator"));
+  EXPECT_THAT(message_of<Error>([&] {
+                net->forward(split(torch::zeros({2, 15, 16, 16})), seeded(1));
+              }),
+              HasSubstr("input"));
+  EXPECT_THAT(message_of<Error>([&] { net->forward(random_input(config, 1), seeded(1)); }), HasSubstr("larger batch"));
+  EXPECT_THAT(message_of<Error>([&] { net->forward(random_input(config, 2)); }), HasSubstr("generator"));
   TexNetConfig residual = config;
   residual.residual = true;
-  EXPECT_THAT(message_of([&] { TexNet missing(residual); }), HasSubstr("static_texture"));
-  EXPECT_THAT(message_of([&] { TexNet dark(lit_config(), torch::zeros({32, 32, 3})); }), HasSubstr("lighting"));
+  EXPECT_THAT(message_of<Error>([&] { TexNet missing(residual); }), HasSubstr("static_texture"));
+  EXPECT_THAT(message_of<Error>([&] { TexNet dark(lit_config(), torch::zeros({32, 32, 3})); }), HasSubstr("lighting"));
   UNetConfig unet;
   unet.levels = 3;
-  EXPECT_THAT(message_of([&] {
+  EXPECT_THAT(message_of<Error>([&] {
                 UNet(1, 1, unet)->forward(torch::zeros({2, 1, 12, 16}), seeded(1));
               }),
               HasSubstr("multiples of 8"));

@@ -45,7 +45,7 @@ struct BentArm {
     const auto& bones = character.skin.bones;
     return static_cast<int>(std::find(bones.begin(), bones.end(), name) - bones.begin());
   }
-  void set_skin() { character.skin = sparse_weights(field, character.skin.bones, HeatOptions()); }
+  void set_skin() { character.skin = sparse_weights(field, character.skin.bones); }
 };
 
 }  // namespace doppel::support

@@ -217,7 +217,7 @@ TEST(Motion, TurnsAtTheGivenSpeedAndOtherwiseStaysTheSame) {
 
 TEST(SynthClothing, DepartsFromTheSkinnedTemplateWithinBounds) {
   const Actor& actor = tiny_actor();
-  const Take take = perform(actor, 20, 25, 5, {});
+  const Take take = perform(actor, TakePlan{20, 5, {}}, SynthOptions());
   ASSERT_EQ(take.ground_truth.size(), 20u);
   const std::vector<Points> skinned = skin_motion(actor.character, take.motion, {});
   double mean = 0, largest = 0;
@@ -301,7 +301,7 @@ cv::Mat brute_coverage(const Points& vertices, const std::vector<Triangle>& face
 
 TEST(SynthStudio, MasksAreTheCoverageOfTheGroundTruth) {
   const Actor& actor = tiny_actor();
-  const Take take = perform(actor, 2, 25, 11, {});
+  const Take take = perform(actor, TakePlan{2, 11, {}}, SynthOptions());
   const auto cameras = make_cameras(3, 128, 1);
   Studio studio(actor, cameras);
   studio.set_surface(take.ground_truth[1]);
@@ -329,7 +329,7 @@ TEST(SynthStudio, MasksAreTheCoverageOfTheGroundTruth) {
 
 TEST(SynthStudio, FisheyeMasksAreTheCoverageOfTheGroundTruth) {
   const Actor& actor = tiny_actor();
-  const Take take = perform(actor, 1, 25, 11, {});
+  const Take take = perform(actor, TakePlan{1, 11, {}}, SynthOptions());
   const auto cameras = make_cameras(2, 160, 1, Lens::fisheye);
   Studio studio(actor, cameras);
   studio.set_surface(take.ground_truth[0]);
@@ -346,7 +346,7 @@ TEST(SynthStudio, FisheyeMasksAreTheCoverageOfTheGroundTruth) {
 
 TEST(SynthStudio, KeepsTheActorOffTheBorder) {
   const Actor& actor = tiny_actor();
-  const Take take = perform(actor, 120, 25, 2, {});
+  const Take take = perform(actor, TakePlan{120, 2, {}}, SynthOptions());
   for (const Lens lens : {Lens::opencv, Lens::fisheye})
     for (const Camera& camera : make_cameras(8, 256, 3, lens)) {
       EXPECT_TRUE(camera.faults().empty());

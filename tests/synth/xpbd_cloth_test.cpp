@@ -13,6 +13,7 @@
 #include "doppel/synth/performance.h"
 #include "doppel/synth/posed_body.h"
 #include "doppel/synth/synth.h"
+#include "support/message_of.h"
 
 namespace doppel::xpbd_cloth_test {
 namespace {
@@ -436,12 +437,7 @@ TEST(XpbdCloth, NamesTheFrameThatIsNotFinite) {
   Motion motion = acted(5, [](int, const auto&) {});
   std::vector<Points> worn = skin_motion(actor().character, motion, actor().hang);
   const auto message = [&](const XpbdOptions& options = {}) -> std::string {
-    try {
-      drape_clothes(actor(), worn, motion, 25, options);
-    } catch (const Error& error) {
-      return error.what();
-    }
-    return "no error";
+    return support::message_of<Error>([&] { drape_clothes(actor(), worn, motion, 25, options); });
   };
   XpbdOptions wild;
   wild.gravity = std::numeric_limits<double>::infinity();
@@ -506,9 +502,10 @@ TEST(ClothModel, IsChosenByName) {
 
 TEST(ClothModel, SpringsAreTheDefaultAndUnchanged) {
   const int frames = 4, lead = 30;
-  ClothOptions xpbd;
-  xpbd.model = ClothModel::xpbd;
-  const Take take = perform(actor(), frames, 25, 5, {}), other = perform(actor(), frames, 25, 5, xpbd);
+  SynthOptions xpbd;
+  xpbd.cloth.model = ClothModel::xpbd;
+  const TakePlan plan{frames, 5, {}};
+  const Take take = perform(actor(), plan, {}), other = perform(actor(), plan, xpbd);
   const Motion motion = make_motion(actor().character.skeleton, lead + frames, 25, 5);
   const auto springs = move_clothes(actor(), skin_motion(actor().character, motion, actor().hang), 25);
   for (int f = 0; f < frames; ++f) {

@@ -5,7 +5,6 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "detect/networks/small_networks.h"
-#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/detect/keypoints/read_keypoints.h"
 #include "support/hostile_files.h"

@@ -3,7 +3,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "doppel/core/atomic_file.h"
 #include "run_program.h"
 #include "support/temporary_folder.h"
 

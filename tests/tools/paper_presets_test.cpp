@@ -31,10 +31,6 @@ class PaperPresets : public ::testing::Test {
     delete folder_;
     folder_ = nullptr;
   }
-  static void step(const std::string& line) {
-    const Outcome outcome = run(line);
-    ASSERT_EQ(outcome.code, 0) << "doppel " << line << "\n" << outcome.err;
-  }
   static std::string at(const std::string& name) { return (*folder_ / name).string(); }
   static std::string preset(const std::string& name) { return DOPPEL_SOURCE_DIR "/configs/paper/" + name + ".yaml"; }
 

@@ -27,8 +27,10 @@ namespace {
 using support::TemporaryFolder;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using tools::complaint_about;
 using tools::Outcome;
 using tools::run;
+using tools::step;
 
 /// Starts the program.
 Outcome start(const std::string& arguments) {
@@ -181,13 +183,6 @@ TEST(ProgramRejects, WrongUseWithTwo) {
   EXPECT_EQ(run("info x --log-level loud").code, 2);
 }
 
-/// What the program says about wrong use.
-std::string complaint_about(const std::string& line) {
-  const Outcome outcome = run(line);
-  EXPECT_EQ(outcome.code, 2) << line << "\n" << outcome.out << outcome.err;
-  return outcome.err;
-}
-
 TEST(ProgramReference, HelpOfTrackingHasTheOptionsOfTheMethodAlone) {
   const std::map<std::string, std::string> owners{{"--surface", "track"},          {"--scale", "track"},
                                                   {"--place-landmarks", "track"},  {"--no-film", "track deepcap"},
@@ -278,10 +273,6 @@ class ProgramRecovers : public ::testing::Test {
   static void TearDownTestSuite() {
     delete folder_;
     folder_ = nullptr;
-  }
-  static void step(const std::string& line) {
-    const Outcome outcome = run(line);
-    ASSERT_EQ(outcome.code, 0) << "doppel " << line << "\n" << outcome.err;
   }
   static std::string at(const std::string& name) { return (*folder_ / name).string(); }
   /// A run of deepcap in "defnet", trained once.

@@ -34,5 +34,17 @@ inline Outcome run(const std::string& arguments) {
   for (std::string word; stream >> std::quoted(word, '\'');) words.push_back(word);
   return run_words(words);
 }
+/// Runs a command that must succeed.
+inline Outcome step(const std::string& line) {
+  const Outcome outcome = run(line);
+  EXPECT_EQ(outcome.code, 0) << "doppel " << line << "\n" << outcome.err;
+  return outcome;
+}
+/// What the program says about wrong use.
+inline std::string complaint_about(const std::string& line) {
+  const Outcome outcome = run(line);
+  EXPECT_EQ(outcome.code, 2) << line << "\n" << outcome.out << outcome.err;
+  return outcome.err;
+}
 
 }  // namespace doppel::tools

@@ -26,12 +26,6 @@ using Json = nlohmann::ordered_json;
 using support::Files;
 using support::files_in;
 
-Outcome step(const std::string& line) {
-  const Outcome outcome = run(line);
-  EXPECT_EQ(outcome.code, 0) << "doppel " << line << "\n" << outcome.err;
-  return outcome;
-}
-
 void expect_same_files(const Files& found, const Files& expected) {
   for (const auto& [name, content] : expected) {
     ASSERT_TRUE(found.count(name)) << name << " is missing";
@@ -81,11 +75,6 @@ class Shards : public ::testing::Test {
   }
   std::string prepare_part(int i, int count) const {
     return fmt::format("prepare --mask-size 32 --image-size 32 --limit-frames 2 {} --shard {}/{}", capture(), i, count);
-  }
-  std::string refusal(const std::string& line) const {
-    const Outcome outcome = run(line);
-    EXPECT_EQ(outcome.code, 2) << line << "\n" << outcome.out << outcome.err;
-    return outcome.err;
   }
   void change(int i, const std::function<void(Json&)>& edit) const {
     const fs::path path = fs::path(part(i)) / kShardFile;
@@ -183,38 +172,40 @@ TEST_F(Shards, ShowTheirPartInTheCommandsForm) {
 TEST_F(Shards, AreFinishedWhenRunAgain) {
   prepare_two();
   change(1, [](Json& file) { file["finished"] = false; });
-  EXPECT_THAT(refusal("merge " + at("parts") + " --out " + at("out")), HasSubstr("shard 1/2 is not finished"));
+  EXPECT_THAT(complaint_about("merge " + at("parts") + " --out " + at("out")), HasSubstr("shard 1/2 is not finished"));
   step(prepare_part(1, 2) + " --out " + part(1));
   step("merge " + at("parts") + " --out " + at("out"));
 }
 
 TEST_F(Shards, HaveANumberBelowTheirCount) {
   for (const char* wrong : {"2/2", "0/0", "-1/2", "1", "a/b", "0/2x", "1/", "/2", "0/1/2", "0/999999999999", "' 0/2'"})
-    EXPECT_THAT(refusal("prepare " + capture() + " --out " + part(0) + " --shard " + wrong), HasSubstr("--shard"))
+    EXPECT_THAT(complaint_about("prepare " + capture() + " --out " + part(0) + " --shard " + wrong),
+                HasSubstr("--shard"))
         << wrong;
   EXPECT_FALSE(fs::exists(part(0)));
   EXPECT_EQ(run("train x.yaml --shard 0/2").code, 2) << "training is not cut into shards";
 }
 
 TEST_F(Shards, HaveAFolderEach) {
-  EXPECT_THAT(refusal(prepare_part(0, 2)), HasSubstr("needs --out"));
+  EXPECT_THAT(complaint_about(prepare_part(0, 2)), HasSubstr("needs --out"));
   step(prepare_part(0, 2) + " --out " + part(0));
-  EXPECT_THAT(refusal(prepare_part(1, 2) + " --out " + part(0)), HasSubstr("holds shard 0/2, not 1/2"));
-  EXPECT_THAT(refusal(prepare_part(0, 3) + " --out " + part(0)), HasSubstr("one is of 2 shards, the other of 3"));
-  EXPECT_THAT(refusal("prepare " + capture() + " --out " + part(0)), HasSubstr("holds a shard"));
+  EXPECT_THAT(complaint_about(prepare_part(1, 2) + " --out " + part(0)), HasSubstr("holds shard 0/2, not 1/2"));
+  EXPECT_THAT(complaint_about(prepare_part(0, 3) + " --out " + part(0)),
+              HasSubstr("one is of 2 shards, the other of 3"));
+  EXPECT_THAT(complaint_about("prepare " + capture() + " --out " + part(0)), HasSubstr("holds a shard"));
   fs::create_directories(part(1));
   write_atomically(part(1) + "/notes.txt", "mine");
-  EXPECT_THAT(refusal(prepare_part(1, 2) + " --out " + part(1)), HasSubstr("is not empty"));
+  EXPECT_THAT(complaint_about(prepare_part(1, 2) + " --out " + part(1)), HasSubstr("is not empty"));
 }
 
 TEST_F(Shards, AreMergedWhenAllAreThereOnce) {
   prepare_two();
   const std::string out = " --out " + at("out");
-  EXPECT_THAT(refusal("merge " + part(0) + out), HasSubstr("1 of 2 shards are missing: 1"));
-  EXPECT_THAT(refusal("merge " + part(0) + " " + part(0) + out), HasSubstr("are both shard 0/2"));
-  EXPECT_THAT(refusal("merge " + at("nowhere") + out), HasSubstr("is no shard"));
-  EXPECT_THAT(refusal("merge " + capture() + out), HasSubstr("is no shard"));
-  EXPECT_THAT(refusal("merge " + at("parts") + " --out " + part(0)), HasSubstr("is not empty"));
+  EXPECT_THAT(complaint_about("merge " + part(0) + out), HasSubstr("1 of 2 shards are missing: 1"));
+  EXPECT_THAT(complaint_about("merge " + part(0) + " " + part(0) + out), HasSubstr("are both shard 0/2"));
+  EXPECT_THAT(complaint_about("merge " + at("nowhere") + out), HasSubstr("is no shard"));
+  EXPECT_THAT(complaint_about("merge " + capture() + out), HasSubstr("is no shard"));
+  EXPECT_THAT(complaint_about("merge " + at("parts") + " --out " + part(0)), HasSubstr("is not empty"));
   EXPECT_EQ(run("merge " + at("parts")).code, 2);
   EXPECT_FALSE(fs::exists(at("out")));
 }
@@ -224,14 +215,14 @@ TEST_F(Shards, AreMergedWhenTheyBelongTogether) {
   const std::string merge = "merge " + at("parts") + " --out " + at("out");
   const Json good = Json::parse(read_file(part(1) + "/shard.json"));
   change(1, [](Json& file) { file["version"] = "0.0.1"; });
-  EXPECT_THAT(refusal(merge), HasSubstr("doppel 0.0.1 the other"));
+  EXPECT_THAT(complaint_about(merge), HasSubstr("doppel 0.0.1 the other"));
   change(1, [&](Json& file) { (file = good)["arguments"].push_back("--force"); });
-  EXPECT_THAT(refusal(merge), AllOf(HasSubstr("the commands are"), HasSubstr("--force")));
+  EXPECT_THAT(complaint_about(merge), AllOf(HasSubstr("the commands are"), HasSubstr("--force")));
   change(1, [&](Json& file) { (file = good)["inputs"][0] = "capture.yaml: 3 bytes"; });
-  EXPECT_THAT(refusal(merge), AllOf(HasSubstr("read other files"), HasSubstr("capture.yaml: 3 bytes")));
+  EXPECT_THAT(complaint_about(merge), AllOf(HasSubstr("read other files"), HasSubstr("capture.yaml: 3 bytes")));
   for (const int i : {0, 1})
     change(i, [&](Json& file) { file["inputs"] = good["inputs"], file["inputs"][0] = "capture.yaml: 3 bytes"; });
-  EXPECT_THAT(refusal(merge), HasSubstr("the files as they are now"));
+  EXPECT_THAT(complaint_about(merge), HasSubstr("the files as they are now"));
   EXPECT_FALSE(fs::exists(at("out")));
 }
 
@@ -240,11 +231,11 @@ TEST_F(Shards, AreFilesOfThisProgram) {
   const std::string merge = "merge " + at("parts") + " --out " + at("out");
   for (const char* garbage : {"", "{}", "[1]"}) {
     write_atomically(part(1) + "/shard.json", garbage);
-    EXPECT_THAT(refusal(merge), HasSubstr("cannot be read as a shard")) << garbage;
+    EXPECT_THAT(complaint_about(merge), HasSubstr("cannot be read as a shard")) << garbage;
   }
   for (const char* format : {"9", "\"x\"", "1e300"}) {
     write_atomically(part(1) + "/shard.json", fmt::format("{{\"doppel_shard\": {}}}", format));
-    EXPECT_THAT(refusal(merge), HasSubstr("has another format")) << format;
+    EXPECT_THAT(complaint_about(merge), HasSubstr("has another format")) << format;
   }
   write_atomically(part(1) + "/shard.json", read_file(part(0) + "/shard.json"));
   for (const int i : {0, 1})
@@ -252,9 +243,9 @@ TEST_F(Shards, AreFilesOfThisProgram) {
       file["shard"] = fmt::format("{}/2", i);
       file["arguments"] = {"export", "--run", "x"};
     });
-  EXPECT_THAT(refusal(merge), HasSubstr("the command is 'export'"));
+  EXPECT_THAT(complaint_about(merge), HasSubstr("the command is 'export'"));
   for (const int i : {0, 1}) change(i, [](Json& file) { file["arguments"] = {"prepare", "--no-such-option"}; });
-  EXPECT_THAT(refusal(merge), HasSubstr("the arguments of the shard cannot be read"));
+  EXPECT_THAT(complaint_about(merge), HasSubstr("the arguments of the shard cannot be read"));
 }
 
 TEST_F(Shards, DamagedAreNamed) {
@@ -279,23 +270,23 @@ TEST_F(Shards, DamagedAreNamed) {
   Json file = Json::parse(read_file(at("e1/shard.json")));
   file["results"] = nullptr;
   write_atomically(at("e1/shard.json"), file.dump());
-  EXPECT_THAT(refusal("merge " + at("e0") + " " + at("e1") + " --out " + at("e")),
+  EXPECT_THAT(complaint_about("merge " + at("e0") + " " + at("e1") + " --out " + at("e")),
               HasSubstr("the rows of measurement 1 are missing"));
 }
 
 TEST_F(Shards, AreNotForWorkThatNeedsAllSequences) {
   const std::string shard = " --shard 0/2 --out " + part(0) + " " + capture();
-  EXPECT_THAT(refusal("track --scale bones" + shard), HasSubstr("look at all sequences together"));
-  EXPECT_THAT(refusal("track --set template_fit.frames=2" + shard), HasSubstr("fitted to all sequences"));
-  EXPECT_THAT(refusal("track --shard 0/2 live --source film.mp4 " + capture()),
+  EXPECT_THAT(complaint_about("track --scale bones" + shard), HasSubstr("look at all sequences together"));
+  EXPECT_THAT(complaint_about("track --set template_fit.frames=2" + shard), HasSubstr("fitted to all sequences"));
+  EXPECT_THAT(complaint_about("track --shard 0/2 live --source film.mp4 " + capture()),
               HasSubstr("`doppel track live` is not cut into shards"));
-  EXPECT_THAT(refusal("track livecap --camera 0 --preview x.mp4" + shard), HasSubstr("--preview"));
+  EXPECT_THAT(complaint_about("track livecap --camera 0 --preview x.mp4" + shard), HasSubstr("--preview"));
   std::string bare;
   std::istringstream lines(read_file(capture() + "/capture.yaml"));
   for (std::string line; std::getline(lines, line);)
     if (line.find("keypoints") == std::string::npos && line.find("joints3d") == std::string::npos) bare += line + "\n";
   write_atomically(capture() + "/bare.yaml", bare);
-  EXPECT_THAT(refusal("track" + shard + "/bare.yaml"), HasSubstr("run `doppel detect` first"));
+  EXPECT_THAT(complaint_about("track" + shard + "/bare.yaml"), HasSubstr("run `doppel detect` first"));
 }
 
 class RealShards : public support::BlazePoseTest {};

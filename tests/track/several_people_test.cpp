@@ -3,7 +3,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/track/track_capture.h"
 #include "track/tube_capture.h"
 

@@ -10,11 +10,13 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/crc32c.h"
 #include "doppel/core/error.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "train/toy_stage.h"
 
 namespace doppel::checkpoint_test {
 
+using support::message_of;
 using support::TemporaryFolder;
 
 namespace {
@@ -34,15 +36,6 @@ Checkpoint example(int number = 1) {
 
 void write(const fs::path& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-}
-
-std::string message(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
 }
 
 TEST(CheckpointRecovers, TensorsAndTextsRoundTrip) {
@@ -105,7 +98,7 @@ TEST(CheckpointRecovers, ModulesWithBuffers) {
 
 TEST(CheckpointRejects, AnotherShapeNamesBoth) {
   const Checkpoint checkpoint = example();
-  const std::string text = message([&] { checkpoint.copy_tensor("weights", torch::zeros({3, 5})); });
+  const std::string text = message_of<Error>([&] { checkpoint.copy_tensor("weights", torch::zeros({3, 5})); });
   EXPECT_THAT(text, ::testing::AllOf(::testing::HasSubstr("weights"), ::testing::HasSubstr("[3,4]"),
                                      ::testing::HasSubstr("[3,5]")));
   EXPECT_THROW(checkpoint.copy_tensor("count", torch::zeros({1}, torch::kInt32)), Error);
@@ -143,13 +136,15 @@ TEST(CheckpointRejects, AnotherVersionAndOtherPickles) {
   c10::impl::GenericDict root(c10::StringType::get(), c10::AnyType::get());
   root.insert("format", std::string("doppel checkpoint 99"));
   write(folder / "new.pt", sealed(torch::pickle_save(root)));
-  EXPECT_THAT(message([&] { Checkpoint::load(folder / "new.pt"); }), ::testing::HasSubstr("doppel checkpoint 99"));
+  EXPECT_THAT(message_of<Error>([&] { Checkpoint::load(folder / "new.pt"); }),
+              ::testing::HasSubstr("doppel checkpoint 99"));
   write(folder / "new.pt", sealed(torch::pickle_save(torch::ones({3}))));
-  EXPECT_THAT(message([&] { Checkpoint::load(folder / "new.pt"); }), ::testing::HasSubstr("expected a mapping"));
+  EXPECT_THAT(message_of<Error>([&] { Checkpoint::load(folder / "new.pt"); }),
+              ::testing::HasSubstr("expected a mapping"));
   c10::impl::GenericDict nameless(c10::StringType::get(), c10::AnyType::get());
   nameless.insert("texts", std::string("none"));
   write(folder / "new.pt", sealed(torch::pickle_save(nameless)));
-  EXPECT_THAT(message([&] { Checkpoint::load(folder / "new.pt"); }),
+  EXPECT_THAT(message_of<Error>([&] { Checkpoint::load(folder / "new.pt"); }),
               ::testing::HasSubstr("not a checkpoint of Doppel"));
 }
 
@@ -222,7 +217,7 @@ TEST(CheckpointFolderRejects, NothingReadable) {
   const TemporaryFolder folder;
   CheckpointFolder checkpoints(folder.path());
   write(checkpoints.path(2), "PK");
-  EXPECT_THAT(message([&] { checkpoints.load_latest(); }), ::testing::HasSubstr("--overwrite"));
+  EXPECT_THAT(message_of<Error>([&] { checkpoints.load_latest(); }), ::testing::HasSubstr("--overwrite"));
 }
 
 }  // namespace

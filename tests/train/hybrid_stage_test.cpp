@@ -6,7 +6,6 @@
 #include <set>
 
 #include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/train/nerf_stage.h"

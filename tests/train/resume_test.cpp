@@ -8,7 +8,6 @@
 #include <random>
 
 #include "doppel/actor/checkpoint.h"
-#include "doppel/core/atomic_file.h"
 #include "support/same_run.h"
 #include "support/temporary_folder.h"
 

@@ -9,7 +9,6 @@
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/trained_actor.h"
 #include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/process.h"
 #include "doppel/data/dataset/batch_builder.h"

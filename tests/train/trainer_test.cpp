@@ -8,11 +8,13 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/process.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "train/toy_stage.h"
 
 namespace doppel::trainer_test {
 
+using support::message_of;
 using support::TemporaryFolder;
 
 namespace {
@@ -28,15 +30,6 @@ TrainerOptions quick(std::int64_t iterations = 30) {
   o.checkpoint_every = 10;
   o.log_every = 7;
   return o;
-}
-
-std::string message(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "";
 }
 
 TEST(TrainerRecovers, ToyProblemIsLearnedAndEverythingWritten) {
@@ -138,7 +131,7 @@ TEST(TrainerRejects, KeepBestWithoutValidationFrames) {
   ToyStage stage;
   TrainerOptions options = quick(30);
   options.keep_best = true;
-  EXPECT_THAT(message([&] { Trainer(stage, options, run).run(); }), HasSubstr("validation"));
+  EXPECT_THAT(message_of<Error>([&] { Trainer(stage, options, run).run(); }), HasSubstr("validation"));
 }
 
 TEST(TrainerRejects, NonFiniteLossNamesStageStepBatchAndTerm) {
@@ -149,7 +142,7 @@ TEST(TrainerRejects, NonFiniteLossNamesStageStepBatchAndTerm) {
   stage.spoil = [](std::int64_t step, LossTerms& terms) {
     if (step == 23) terms[1].value = terms[1].value * std::numeric_limits<double>::quiet_NaN();
   };
-  const std::string text = message([&] { Trainer(stage, quick(), run).run(); });
+  const std::string text = message_of<Error>([&] { Trainer(stage, quick(), run).run(); });
   EXPECT_THAT(text, AllOf(HasSubstr("stage toy"), HasSubstr("step 24"), HasSubstr("`size`"), HasSubstr("nan"),
                           HasSubstr(stage.batch_description()), HasSubstr("step 20 is kept")));
   EXPECT_EQ(CheckpointFolder(run.checkpoints()).load_latest()->first, 20);
@@ -167,7 +160,7 @@ TEST(TrainerRejects, NonFiniteGradientNamesTheParameterAndLeavesItAlone) {
     else
       terms.push_back({"root", torch::zeros({}), 1.0});
   };
-  const std::string text = message([&] { Trainer(stage, quick(), run).run(); });
+  const std::string text = message_of<Error>([&] { Trainer(stage, quick(), run).run(); });
   EXPECT_THAT(text, AllOf(HasSubstr("step 6"), HasSubstr("`bias`"), HasSubstr("root = 0")));
   EXPECT_TRUE(torch::isfinite(stage.toy().bias).all().item<bool>());
 }
@@ -219,7 +212,7 @@ TEST(TrainerRejects, OtherDataThanTheCheckpoints) {
   Trainer(stage, quick(10), run).run();
   ToyStage other;
   other.identity_ = "another actor";
-  EXPECT_THAT(message([&] { Trainer(other, quick(20), run).run(); }),
+  EXPECT_THAT(message_of<Error>([&] { Trainer(other, quick(20), run).run(); }),
               AllOf(HasSubstr("toy data"), HasSubstr("another actor"), HasSubstr("--overwrite")));
 }
 
@@ -231,7 +224,7 @@ TEST(RunFolderRejects, AnotherConfigurationNamingTheKeys) {
   ToyStage stage;
   Trainer(stage, quick(10), run).run();
   const std::string other = "stage: toy\ntrain: {iterations: 20, max_minutes: 9}\n";
-  const std::string text = message([&] { run.open(other, RunMode::automatic); });
+  const std::string text = message_of<Error>([&] { run.open(other, RunMode::automatic); });
   EXPECT_THAT(text, AllOf(HasSubstr("train.iterations: 10 -> 20"), HasSubstr("loss.a: 1 -> (default)"),
                           HasSubstr("--overwrite")));
   EXPECT_THAT(text, ::testing::Not(HasSubstr("max_minutes")));

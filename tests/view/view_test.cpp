@@ -1,7 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "doppel/core/error.h"
 #include "doppel/view/view_mesh.h"
 #include "doppel/view/view_server.h"
 #include "support/message_of.h"

@@ -8,7 +8,6 @@
 #include <thread>
 
 #include "actor/export/dressed_actor.h"
-#include "doppel/core/error.h"
 #include "doppel/render/splats/splat_rows.h"
 #include "doppel/view/view_server.h"
 #include "support/message_of.h"

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 
-#include "doppel/actor/export/actor_trace.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"

@@ -1,6 +1,5 @@
 #include "doppel/actor/export/figure_writer.h"
 
-#include "doppel/core/as_size.h"
 #include "doppel/geometry/mesh.h"
 #include "doppel/io/figure_export/compressed_figure.h"
 

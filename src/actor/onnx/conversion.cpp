@@ -71,9 +71,9 @@ std::vector<std::string> OnnxOperation::tensors(std::size_t i) const {
   return names;
 }
 
-std::int64_t OnnxOperation::dimension(std::size_t i, std::size_t of) const {
+std::int64_t OnnxOperation::dimension(std::size_t i) const {
   const std::int64_t found = integer(i);
-  return found < 0 ? found + rank(of) : found;
+  return found < 0 ? found + rank(0) : found;
 }
 
 std::int64_t OnnxOperation::result_dimension(std::size_t i) const {

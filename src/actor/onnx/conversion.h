@@ -51,8 +51,8 @@ class OnnxOperation {
   /// The argument in another type.
   std::string tensor(std::size_t i, torch::ScalarType type) const;
   std::vector<std::string> tensors(std::size_t i) const;  ///< a list, in the result's type
-  /// Argument i as a dimension of argument `of`, 0 or more.
-  std::int64_t dimension(std::size_t i, std::size_t of = 0) const;
+  /// Argument i as a dimension of argument 0, 0 or more.
+  std::int64_t dimension(std::size_t i) const;
 
   /// Argument i as a dimension of the result, 0 or more.
   std::int64_t result_dimension(std::size_t i) const;

@@ -16,6 +16,8 @@ namespace doppel {
 namespace {
 
 constexpr double kMaxRate = 16000.0;        // samples per second that are compared
+constexpr double kLongestOffset = 60.0;     // seconds
+constexpr double kContrastOfLag = 1.5;      // that a known offset needs
 constexpr double kSecondsOfPeak = 0.05;     // around the highest peak, where echoes make others
 constexpr double kOnsetRate = 200.0;        // onsets per second
 constexpr double kOnsetTolerance = 0.02;    // seconds by which onsets and phases may disagree
@@ -132,14 +134,13 @@ double parabola_shift(double before, double at, double after) {
 
 }  // namespace
 
-AudioOffset audio_offset(const AudioTrack& first, const AudioTrack& second, const AudioSyncOptions& options) {
+AudioOffset audio_offset(const AudioTrack& first, const AudioTrack& second) {
   check_audio(first, "first");
   check_audio(second, "second");
-  if (!(options.longest > 0.0)) fail<UsageError>("comparing sounds: the longest offset is {} s", options.longest);
   const double rate = std::min({first.rate, second.rate, kMaxRate});
   const std::vector<double> a = at_rate(first, rate), b = at_rate(second, rate);
   const auto shorter = static_cast<double>(std::min(a.size(), b.size()));
-  const int reach = static_cast<int>(std::min(options.longest * rate, shorter - 1.0));
+  const int reach = static_cast<int>(std::min(kLongestOffset * rate, shorter - 1.0));
   const std::vector<double> values = at_lags(correlation(a, b, true), reach);
   const auto best = std::max_element(values.begin(), values.end());
   const int at = static_cast<int>(best - values.begin());
@@ -151,10 +152,10 @@ AudioOffset audio_offset(const AudioTrack& first, const AudioTrack& second, cons
   double lag = at - reach;
   if (at > 0 && at + 1 < static_cast<int>(values.size())) lag += parabola_shift(values[at - 1], *best, values[at + 1]);
   result.seconds = lag / rate;
-  if (!(*best > 0.0) || result.contrast < options.smallest_contrast)
+  if (!(*best > 0.0) || result.contrast < kContrastOfLag)
     result.reason = fmt::format("no lag stands out (contrast {:.2f}, needed {:.2f}); the recordings may share no sound",
-                                result.contrast, options.smallest_contrast);
-  else if (!onsets_agree(a, b, rate, result.seconds, options.longest))
+                                result.contrast, kContrastOfLag);
+  else if (!onsets_agree(a, b, rate, result.seconds, kLongestOffset))
     result.reason = "the beginnings of the sounds agree better at another lag";
   result.known = result.reason.empty();
   return result;

@@ -20,16 +20,11 @@ struct AudioOffset {
   std::string reason;     ///< why it is not known; empty when known
 };
 
-struct AudioSyncOptions {
-  double longest = 60.0;           ///< largest offset that is searched, seconds
-  double smallest_contrast = 1.5;  ///< of a known offset
-};
-
-/// The offset between two recordings of the same sounds: the lag with the highest generalised cross-correlation with
-/// phase transform (Knapp and Carter 1976), which is sharp in rooms with echoes. The onsets of both recordings, which
-/// do not depend on the microphone, confirm the lag. The recordings may have different rates.
+/// The offset between two recordings of the same sounds, at most a minute: the lag with the highest generalised
+/// cross-correlation with phase transform (Knapp and Carter 1976), which is sharp in rooms with echoes. The onsets of
+/// both recordings, which do not depend on the microphone, confirm the lag. The recordings may have different rates.
 /// @throws Error for a recording without samples, with samples that are not finite, or with an impossible rate
-AudioOffset audio_offset(const AudioTrack& first, const AudioTrack& second, const AudioSyncOptions& options = {});
+AudioOffset audio_offset(const AudioTrack& first, const AudioTrack& second);
 
 /// The sound of a video or audio file as mono samples, by the program `ffmpeg`.
 /// @return nothing when the file has no sound

@@ -107,7 +107,7 @@ std::vector<EpipolarAgreement> epipolar_agreement(const std::vector<Camera>& cam
           if (std::isfinite(distance)) distances.push_back(distance);
         }
       const auto samples = static_cast<long>(distances.size());
-      all.push_back({a, b, samples, quantile(distances, 0.5), quantile(distances, 0.9)});
+      all.push_back({a, b, samples, quantile(distances, 0.5)});
     }
   return all;
 }

@@ -41,9 +41,9 @@ std::vector<std::pair<int, int>> pairs_to_compare(const std::vector<Camera>& cam
 
 /// How well two cameras agree.
 struct EpipolarAgreement {
-  int a = 0, b = 0;                ///< cameras
-  long samples = 0;                ///< pairs of points
-  double median = 0.0, p90 = 0.0;  ///< absolute Sampson distance, pixels; 0 without samples
+  int a = 0, b = 0;     ///< cameras
+  long samples = 0;     ///< pairs of points
+  double median = 0.0;  ///< absolute Sampson distance, pixels; 0 without samples
 };
 
 /// The agreement of every pair of cameras at given common times.

@@ -8,7 +8,6 @@
 #include "doppel/calibration/estimation/fit_pose.h"
 #include "doppel/calibration/estimation/reprojection.h"
 #include "doppel/core/as_size.h"
-#include "doppel/core/error.h"
 #include "doppel/core/statistics.h"
 
 namespace doppel {
@@ -22,6 +21,10 @@ constexpr double kKernelOfMedian = 3.0;
 constexpr int kSplitRounds = 4;
 constexpr std::size_t kTimesBesideSplit = 12;  // that must show the jump
 constexpr std::size_t kMinPosePoints = 30;     // points
+constexpr std::size_t kMaxTimesOfMove = 300;   // more are thinned out
+constexpr double kSmallestGain = 0.5;          // share of the robust cost that a second pose must save
+constexpr double kSmallestMove = 1.5;   // pixels of an image 1024 wide by which the median point must have jumped
+constexpr double kShortestPart = 0.08;  // share of the recording before and after the move
 
 using Signature = Eigen::Vector4d;  // of one time: shift, turn and growth of the image, pixels
 
@@ -138,9 +141,8 @@ double sum_of(const std::vector<double>& values, std::size_t first, std::size_t 
 /// The move of one camera, whether or not it is large enough.
 class MoveOfCamera {
  public:
-  MoveOfCamera(Camera camera, CameraSightings seen, const MovedCameraOptions& options)
-      : camera_(std::move(camera)), seen_(std::move(seen)) {
-    shortest_ = std::max<std::size_t>(3, as_size(options.shortest_part * static_cast<double>(seen_.times.size())));
+  MoveOfCamera(Camera camera, CameraSightings seen) : camera_(std::move(camera)), seen_(std::move(seen)) {
+    shortest_ = std::max<std::size_t>(3, as_size(kShortestPart * static_cast<double>(seen_.times.size())));
   }
 
   /// @return false when there are too few points
@@ -213,12 +215,6 @@ class MoveOfCamera {
     moved.after = after_;
     moved.rotation = Eigen::AngleAxisd(after_.R * before_.R.transpose()).angle();
     moved.shift = (after_.centre() - before_.centre()).norm();
-    const std::size_t count = seen_.times.size();
-    moved.residual_one_pose = median_residual(one_, seen_.between(0, count)) / rig_reference_pixels(camera_);
-    moved.residual_two_poses =
-        0.5 *
-        (median_residual(before_, seen_.between(0, split_)) + median_residual(after_, seen_.between(split_, count))) /
-        rig_reference_pixels(camera_);
     return moved;
   }
 
@@ -238,16 +234,11 @@ class MoveOfCamera {
 
 }  // namespace
 
-std::vector<MovedCamera> find_moved_cameras(const std::vector<Camera>& cameras, const PointTracks& tracks,
-                                            const MovedCameraOptions& options) {
+std::vector<MovedCamera> find_moved_cameras(const std::vector<Camera>& cameras, const PointTracks& tracks) {
   check_tracks(cameras, tracks, 3, "looking for moved cameras");
-  if (!(options.shortest_part > 0.0 && options.shortest_part < 0.5) || !(options.smallest_gain < 1.0))
-    fail<UsageError>(
-        "looking for moved cameras: shortest_part must be between 0 and 0.5, smallest_gain below 1; they are {} and {}",
-        options.shortest_part, options.smallest_gain);
   PointTracks usable = tracks;
   drop_unusable(usable, 0.0);
-  const std::vector<double> times = usable.times(options.most_times), every = usable.times();
+  const std::vector<double> times = usable.times(kMaxTimesOfMove), every = usable.times();
   std::vector<bool> trusted(cameras.size(), true);
   std::vector<MovedCamera> found;
   while (std::count(trusted.begin(), trusted.end(), true) >= 3) {
@@ -256,10 +247,10 @@ std::vector<MovedCamera> find_moved_cameras(const std::vector<Camera>& cameras, 
     for (int c = 0; c < usable.num_cameras(); ++c) {
       if (!trusted[c]) continue;
       const Camera& camera = cameras[c];
-      MoveOfCamera move(camera, sightings_of(cameras, usable, trusted, c, times), options);
-      if (!move.fit() || move.jump() * rig_reference_pixels(camera) < options.smallest_move) continue;
+      MoveOfCamera move(camera, sightings_of(cameras, usable, trusted, c, times));
+      if (!move.fit() || move.jump() * rig_reference_pixels(camera) < kSmallestMove) continue;
       const double gain = std::min(move.gain(), move.local_gain());
-      if (gain < options.smallest_gain || gain <= most) continue;
+      if (gain < kSmallestGain || gain <= most) continue;
       std::vector<double> near;
       for (const double time : every)
         if (time >= move.neighbourhood().first && time <= move.neighbourhood().second) near.push_back(time);

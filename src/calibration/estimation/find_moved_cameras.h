@@ -8,26 +8,17 @@
 
 namespace doppel {
 
-struct MovedCameraOptions {
-  double smallest_gain = 0.5;    ///< share of the robust cost that a second pose must save
-  double smallest_move = 1.5;    ///< pixels of an image 1024 wide by which the median point must have jumped
-  double shortest_part = 0.08;   ///< share of the recording before and after the move
-  std::size_t most_times = 300;  ///< times that are looked at; more are thinned out
-};
-
 /// A camera that was pushed during the recording.
 struct MovedCamera {
   int camera = 0;
   std::string name;
-  double seconds = 0.0;             ///< common time of the move
-  double frame = 0.0;               ///< of this camera
-  double frame_sigma = 0.0;         ///< frames
-  double jump = 0.0;                ///< by how many pixels the image of the person jumped, median
-  double rotation = 0.0;            ///< radians between the poses before and after
-  double shift = 0.0;               ///< metres between the centres
-  Camera before, after;             ///< refitted to the points that the other cameras give
-  double residual_one_pose = 0.0;   ///< median pixels with one refitted pose for the whole recording
-  double residual_two_poses = 0.0;  ///< median pixels with the two poses
+  double seconds = 0.0;      ///< common time of the move
+  double frame = 0.0;        ///< of this camera
+  double frame_sigma = 0.0;  ///< frames
+  double jump = 0.0;         ///< by how many pixels the image of the person jumped, median
+  double rotation = 0.0;     ///< radians between the poses before and after
+  double shift = 0.0;        ///< metres between the centres
+  Camera before, after;      ///< refitted to the points that the other cameras give
 };
 
 /// Names the cameras that moved during a recording. Points in space come from the other cameras. A camera has moved
@@ -35,7 +26,6 @@ struct MovedCamera {
 /// one pose for all. Cameras are judged one after the other, the clearest first; a moved camera takes no further part.
 /// @return the moved cameras by time; empty when none moved
 /// @throws Error as check_tracks, for fewer than three cameras: with two, nobody can say which one moved
-std::vector<MovedCamera> find_moved_cameras(const std::vector<Camera>& cameras, const PointTracks& tracks,
-                                            const MovedCameraOptions& options = {});
+std::vector<MovedCamera> find_moved_cameras(const std::vector<Camera>& cameras, const PointTracks& tracks);
 
 }  // namespace doppel

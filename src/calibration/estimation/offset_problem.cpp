@@ -2,9 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/statistics.h"

@@ -36,13 +36,12 @@ std::optional<TriangulatedPoint> triangulate(const std::vector<Camera>& cameras,
 }
 
 std::vector<std::vector<double>> reprojection_distances(const std::vector<Camera>& cameras, const PointTracks& tracks,
-                                                        const std::vector<double>& times,
-                                                        const TriangulationOptions& options) {
+                                                        const std::vector<double>& times) {
   std::vector<std::vector<double>> distances(cameras.size());
   for (const double time : times)
     for (int k = 0; k < tracks.num_points(); ++k) {
       const std::vector<SeenFrom> seen = seen_at(tracks, time, k);
-      const auto point = triangulate(cameras, seen, options);
+      const auto point = triangulate(cameras, seen, {});
       if (!point) continue;
       for (std::size_t i = 0; i < seen.size(); ++i) {
         if (!std::isfinite(point->residuals[i])) continue;

@@ -29,7 +29,6 @@ std::optional<TriangulatedPoint> triangulate(const std::vector<Camera>& cameras,
 /// [C] the distances, in pixels, of what each camera saw from points triangulated robustly from all cameras.
 /// @param times seconds
 std::vector<std::vector<double>> reprojection_distances(const std::vector<Camera>& cameras, const PointTracks& tracks,
-                                                        const std::vector<double>& times,
-                                                        const TriangulationOptions& options = {});
+                                                        const std::vector<double>& times);
 
 }  // namespace doppel

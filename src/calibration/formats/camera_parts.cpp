@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <string_view>
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/geometry/decompositions.h"

@@ -356,8 +356,6 @@ ColmapFiles colmap_files(const CalibrationSource& source) {
   return is_colmap_file(binary.cameras) && is_colmap_file(binary.images) ? binary : files(".txt");
 }
 
-std::string colmap_head(const std::filesystem::path& path) { return read_head(path, kColmapHeadBytes); }
-
 template <typename Number>
 Number colmap_at(std::string_view bytes, std::size_t position) {
   Number value;
@@ -520,7 +518,7 @@ class ColmapCalibration : public CalibrationFormat {
     const ColmapFiles files = colmap_files(source);
     if (source.is_folder) {
       if (!is_colmap_file(files.cameras) || !is_colmap_file(files.images)) return false;
-      const std::string head = colmap_head(files.cameras);
+      const std::string head = read_head(files.cameras, kColmapHeadBytes);
       return files.is_binary ? is_colmap_binary_cameras(head) : is_colmap_text_cameras(head);
     }
     const std::filesystem::path file = source.path.filename();

@@ -286,8 +286,6 @@ bool easymocap_is_head(std::string_view head) {
   return has_line("names:") && (has_line("K_") || has_line("R_") || has_line("Rot_") || has_line("T_"));
 }
 
-std::string easymocap_head_of(const fs::path& path) { return read_head(path, kEasyMocapHeadBytes); }
-
 /// The two files as text. fmt prints the shortest decimals that give the same doubles again.
 class EasyMocapWriter {
  public:
@@ -366,7 +364,8 @@ class EasyMocapCalibration : public CalibrationFormat {
   std::string name() const override { return "easymocap"; }
 
   bool recognises(const CalibrationSource& source) const override {
-    return easymocap_is_head(source.is_folder ? easymocap_head_of(source.path / "intri.yml") : source.head);
+    return easymocap_is_head(source.is_folder ? read_head(source.path / "intri.yml", kEasyMocapHeadBytes)
+                                              : source.head);
   }
 
   Calibration read(const CalibrationSource& source) const override {

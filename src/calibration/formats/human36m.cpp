@@ -10,6 +10,7 @@
 #include "doppel/calibration/formats/format.h"
 #include "doppel/core/error.h"
 #include "doppel/core/excerpt.h"
+#include "doppel/core/lower_case.h"
 
 namespace doppel {
 namespace {
@@ -55,15 +56,10 @@ std::vector<std::pair<std::string, const Human36mJson*>> human36m_items(const Hu
   return items;
 }
 
-std::string human36m_lower(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
-
 /// The words of a name in lower case: "S9-Walking" has "s9" and "walking".
 std::vector<std::string> human36m_words(const std::string& name) {
   std::vector<std::string> words(1);
-  for (const char c : human36m_lower(name)) {
+  for (const char c : lower_case(name)) {
     if (std::isalnum(static_cast<unsigned char>(c)))
       words.back() += c;
     else
@@ -135,7 +131,7 @@ class Human36mReader {
     Human36mSubjects subjects;
     for (const auto& [name, cameras] : items)
       if (cameras->is_structured() && std::any_of(cameras->begin(), cameras->end(), is_human36m_pose))
-        subjects.try_emplace(human36m_lower(name), name, cameras);
+        subjects.try_emplace(lower_case(name), name, cameras);
     if (subjects.empty())
       fail_at(where_, "reading a camera calibration: no camera has a pose (R and t, or orientation and translation)");
     const auto& [name, cameras] = chosen_subject(subjects);
@@ -151,7 +147,7 @@ class Human36mReader {
     for (const auto& [key, subject] : subjects) names.push_back(subject.first);
     const std::string known = excerpt(fmt::format("{}", fmt::join(names, ", ")), 200);
     if (subject_.empty() && subjects.size() == 1) return subjects.begin()->second;
-    const std::string key = subject_.empty() ? subject_of_path(subjects, path_) : human36m_lower(subject_);
+    const std::string key = subject_.empty() ? subject_of_path(subjects, path_) : lower_case(subject_);
     const auto found = subjects.find(key);
     if (found != subjects.end()) return found->second;
     if (!subject_.empty())

@@ -6,6 +6,7 @@
 #include "doppel/calibration/formats/camera_parts.h"
 #include "doppel/calibration/formats/rig_parts.h"
 #include "doppel/calibration/formats/xml_parts.h"
+#include "doppel/core/lower_case.h"
 
 namespace doppel {
 namespace {
@@ -65,8 +66,8 @@ std::vector<Camera> qualisys_cameras(const std::vector<QualisysCamera>& in, Qual
 }
 
 /// Whether a model of camera takes videos. Files of other programs name no model.
-bool qualisys_films(std::string model) {
-  std::transform(model.begin(), model.end(), model.begin(), [](unsigned char c) { return std::tolower(c); });
+bool qualisys_films(const std::string& name) {
+  const std::string model = lower_case(name);
   if (model.empty() || model == "none") return true;
   if (model.find("video") != std::string::npos || model.find("hybrid") != std::string::npos) return true;
   // "Oqus 210c": a colour camera.

@@ -8,7 +8,6 @@
 #include <set>
 
 #include "doppel/calibration/formats/format.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/excerpt.h"

@@ -1,7 +1,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <map>
 #include <numbers>
 #include <span>
@@ -10,6 +9,7 @@
 #include "doppel/calibration/formats/rig_parts.h"
 #include "doppel/calibration/formats/xml_parts.h"
 #include "doppel/core/file_head.h"
+#include "doppel/core/lower_case.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -22,11 +22,6 @@ constexpr std::size_t kRealityHeadBytes = 16 << 10;
 constexpr int kRealityMaxProbes = 100;  // XMP files of a folder that are looked at to recognise it
 constexpr const char* kRealitySizeNote =
     "the size of the images is not stated; the intrinsics are in units of their longer side, from their centre";
-
-std::string reality_lower_case(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
-  return text;
-}
 
 bool is_reality_xmp(std::string_view head) {
   const std::string_view root = root_element(head);
@@ -43,7 +38,7 @@ std::vector<fs::path> reality_xmp_files(const fs::path& folder) {
   std::error_code error;
   for (fs::directory_iterator item(folder, error), end; !error && item != end; item.increment(error)) {
     std::error_code ignored;
-    if (reality_lower_case(item->path().extension().string()) == ".xmp" && item->is_regular_file(ignored))
+    if (lower_case(item->path().extension().string()) == ".xmp" && item->is_regular_file(ignored))
       files.push_back(item->path());
   }
   std::sort(files.begin(), files.end());
@@ -59,7 +54,7 @@ bool is_reality_count(std::string_view line) {
 std::map<std::string, std::size_t> reality_columns(std::span<const std::string_view> header) {
   std::map<std::string, std::size_t> columns;
   for (std::size_t i = 0; i < header.size(); ++i) {
-    std::string name = reality_lower_case(std::string(header[i]));
+    std::string name = lower_case(std::string(header[i]));
     std::erase_if(name, [](char c) { return c == '#' || c == ' '; });
     columns.emplace(name, i);
   }

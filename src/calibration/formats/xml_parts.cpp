@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "doppel/calibration/formats/camera_parts.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/excerpt.h"
 #include "doppel/core/text_reader.h"

@@ -1,7 +1,6 @@
 #include "doppel/core/tensor/image_tensor.h"
 
 #include <ATen/Parallel.h>
-#include <torch/types.h>
 
 #include <algorithm>
 

@@ -13,7 +13,6 @@
 #include "doppel/detect/keypoints/keypoint_table.h"
 #include "doppel/detect/keypoints/read_keypoints.h"
 #include "doppel/detect/networks/network_config.h"
-#include "doppel/geometry/undistorter.h"
 
 namespace doppel {
 

@@ -94,8 +94,4 @@ PointTracks read_tracks_of_rough_rig(const Capture& capture, const SequenceEntry
   return tracks_of(seen, chosen, layout, capture.fps);
 }
 
-PointTracks read_person_tracks(const Capture& capture, const SequenceEntry& sequence) {
-  return read_person_tracks(capture, sequence, filmed_cameras(capture));
-}
-
 }  // namespace doppel

@@ -62,8 +62,6 @@ struct TemplateChecker::State {
 TemplateChecker::TemplateChecker(const Character& character)
     : state_(new State{CharacterSurface(character), Rasterizer(face_tensor(character.mesh))}) {}
 TemplateChecker::~TemplateChecker() = default;
-TemplateChecker::TemplateChecker(TemplateChecker&&) noexcept = default;
-TemplateChecker& TemplateChecker::operator=(TemplateChecker&&) noexcept = default;
 
 Eigen::Matrix3Xf TemplateChecker::skin(const std::vector<double>& dofs) {
   const torch::NoGradGuard no_grad;

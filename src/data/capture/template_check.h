@@ -19,8 +19,6 @@ class TemplateChecker {
   ~TemplateChecker();
   TemplateChecker(const TemplateChecker&) = delete;
   TemplateChecker& operator=(const TemplateChecker&) = delete;
-  TemplateChecker(TemplateChecker&&) noexcept;
-  TemplateChecker& operator=(TemplateChecker&&) noexcept;
 
   /// The template in a pose: [3,N], world metres.
   Eigen::Matrix3Xf skin(const std::vector<double>& dofs);

@@ -15,6 +15,7 @@
 #include "doppel/data/capture/capture_cameras.h"
 #include "doppel/geometry/image_file.h"
 #include "doppel/geometry/topology.h"
+#include "doppel/render/mesh/face_tensor.h"
 #include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/raster/rasterizer.h"
@@ -54,21 +55,13 @@ struct Votes {
   }
 };
 
-torch::Tensor to_tensor(const std::vector<Eigen::Vector3d>& vertices) {
-  torch::Tensor result = torch::empty({1, static_cast<std::int64_t>(vertices.size()), 3});
-  float* out = result.data_ptr<float>();
-  for (const Eigen::Vector3d& vertex : vertices)
-    for (const double x : vertex) *out++ = static_cast<float>(x);
-  return result;
-}
-
 /// Adds the votes of a view for the vertices that it sees: vertices that face the camera and are not occluded.
 void vote(const LabelView& view, const TriangleMesh& posed, const std::vector<Eigen::Vector3d>& normals,
           Rasterizer& rasterizer, std::vector<Votes>& votes) {
   const Camera& camera = view.camera;
   const PinholeCamera pinhole = without_distortion(camera);
   const RasterImage& image = rasterizer.rasterize_projected(
-      to_tensor(posed.vertices), projection_tensor({pinhole}).unsqueeze(0), camera.height, camera.width);
+      vertex_tensor(posed.vertices), projection_tensor({pinhole}).unsqueeze(0), camera.height, camera.width);
   const float* depth = image.depth.data_ptr<float>();
   const auto inside = [&](const Eigen::Vector2d& pixel) {
     return pixel.x() >= 0.0 && pixel.y() >= 0.0 && pixel.x() < camera.width && pixel.y() < camera.height;

@@ -276,11 +276,4 @@ Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
   return build_batch(dataset, no_cache, items, options);
 }
 
-Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
-                 const std::vector<std::vector<int>>& cameras, int past_frames) {
-  BatchOptions options;
-  options.past_frames = past_frames;
-  return make_batch(dataset, samples, cameras, options);
-}
-
 }  // namespace doppel

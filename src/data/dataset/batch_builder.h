@@ -44,7 +44,5 @@ Batch build_batch(const Dataset& dataset, CropCache& cache, const std::vector<Sa
 /// @throws UsageError when there are no samples, or for images larger than the stored ones
 Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
                  const std::vector<std::vector<int>>& cameras, const BatchOptions& options);
-Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
-                 const std::vector<std::vector<int>>& cameras, int past_frames);
 
 }  // namespace doppel

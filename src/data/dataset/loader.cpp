@@ -212,10 +212,4 @@ void Loader::restore(const std::string& state) {
   }
 }
 
-std::int64_t Loader::num_samples() const { return impl_->plan.num_samples(); }
-
-double Loader::epoch() const {
-  return static_cast<double>(impl_->position()) / static_cast<double>(impl_->plan.num_samples());
-}
-
 }  // namespace doppel

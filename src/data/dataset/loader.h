@@ -58,9 +58,6 @@ class Loader {
   /// @throws Error when the state belongs to other samples, cameras, batch size or past frames
   void restore(const std::string& state);
 
-  std::int64_t num_samples() const;  ///< in one epoch
-  double epoch() const;              ///< samples returned so far / num_samples
-
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <numeric>
 
-#include "doppel/core/error.h"
-
 namespace doppel {
 
 namespace {

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "doppel/core/as_size.h"
-#include "doppel/core/log.h"
 #include "doppel/data/doctor/statistics.h"
 
 namespace doppel {

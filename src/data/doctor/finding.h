@@ -22,8 +22,8 @@ inline constexpr char kWrongUp[] = "wrong_up", kOutOfView[] = "out_of_view";
 // Files, images and masks.
 inline constexpr char kUnreadable[] = "unreadable", kNoKeypoints[] = "no_keypoints", kFrameDrops[] = "frame_drops",
                       kExposure[] = "exposure", kWhiteBalance[] = "white_balance", kBlur[] = "blur",
-                      kWrongImages[] = "wrong_pictures", kWrongMasks[] = "wrong_masks", kMaskFlicker[] = "mask_flicker",
-                      kMaskHoles[] = "mask_holes", kMaskBorder[] = "mask_border", kFewCameras[] = "few_cameras";
+                      kWrongMasks[] = "wrong_masks", kMaskFlicker[] = "mask_flicker", kMaskHoles[] = "mask_holes",
+                      kMaskBorder[] = "mask_border", kFewCameras[] = "few_cameras";
 }  // namespace faults
 
 /// How much a finding matters.

@@ -1,8 +1,6 @@
 #include "doppel/data/doctor/image_facts.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
 

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "doppel/core/as_size.h"
 #include "doppel/data/doctor/image_examination.h"
 #include "doppel/data/doctor/statistics.h"
 

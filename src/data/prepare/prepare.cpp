@@ -1,9 +1,7 @@
 #include "doppel/data/prepare/prepare.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <exception>
 #include <functional>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -11,7 +9,6 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 #include <sstream>
-#include <thread>
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/folder_lock.h"
@@ -21,6 +18,7 @@
 #include "doppel/core/progress.h"
 #include "doppel/core/statistics.h"
 #include "doppel/core/temporary_name.h"
+#include "doppel/core/workers.h"
 #include "doppel/data/capture/mask_source.h"
 #include "doppel/data/capture/people_in_cameras.h"
 #include "doppel/data/capture/pose_detector.h"
@@ -104,7 +102,7 @@ class RecordMaker {
 class Preparation {
  public:
   Preparation(const PreparePlan& plan, const PrepareOptions& options)
-      : plan_(plan), options_(options), store_(open_store()), checker_(plan.character) {
+      : plan_(plan), options_(options), store_(open_store()), checker_(plan.character), workers_(num_workers(options)) {
     for (const fs::path& folder : options.shards) shards_.emplace_back(folder / kStoreFolder, Store::Mode::read);
   }
 
@@ -202,29 +200,13 @@ class Preparation {
       done += job.done;
     }
     if (done > 0) log::info("{} of {} records exist already", done, total);
-    progress_ = std::make_unique<Progress>("prepare", total, done);
-    // Shards are copied by one thread: the order of transactions decides where the store puts its pages.
-    const int workers = options_.shards.empty() ? std::clamp(options_.threads, 1, kMaxParallelCameras) : 1;
-    std::vector<std::thread> threads;
-    for (int i = 1; i < workers; ++i) threads.emplace_back([&] { work(jobs); });
-    work(jobs);
-    for (std::thread& thread : threads) thread.join();
-    progress_.reset();
-    if (error_) std::rethrow_exception(error_);
+    Progress progress("prepare", total, done);
+    workers_.share(jobs.size(), [&](std::size_t, std::size_t i) { process_job(jobs[i], progress); });
   }
 
-  void work(const std::vector<Job>& jobs) {
-    while (!stopped_ && !stop_requested()) {
-      const std::size_t next = next_job_++;
-      if (next >= jobs.size()) return;
-      try {
-        process_job(jobs[next]);
-      } catch (...) {
-        std::lock_guard lock(mutex_);
-        if (!error_) error_ = std::current_exception();
-        stopped_ = true;
-      }
-    }
+  /// Shards are copied by one thread: the order of transactions decides where the store puts its pages.
+  static int num_workers(const PrepareOptions& options) {
+    return options.shards.empty() ? std::clamp(options.threads, 1, kMaxParallelCameras) : 1;
   }
 
   /// The encoded records of a job, by their rows: made from its images, or copied from a shard.
@@ -243,12 +225,12 @@ class Preparation {
     };
   }
 
-  void process_job(const Job& job) {
+  void process_job(const Job& job, Progress& progress) {
     const long end = sequence(job).last_frame + 1;
     long row = sequence(job).first_frame + job.done;
     if (row >= end) return;
     const auto record = records_of(job);
-    while (row < end && !stopped_ && !stop_requested()) {
+    while (row < end && workers_.wanted()) {
       const long chunk_end = std::min(end, row + options_.chunk_frames);
       std::vector<std::pair<std::string, std::string>> items;
       for (long at = row; at < chunk_end; ++at) items.emplace_back(key(job, at), record(at));
@@ -256,7 +238,7 @@ class Preparation {
       {
         std::lock_guard lock(mutex_);
         new_records_ += chunk_end - row;
-        progress_->advance(chunk_end - row, title(job));
+        progress.advance(chunk_end - row, title(job));
       }
       // A wrong camera is visible in the first frames, so it is checked early.
       if (row == sequence(job).first_frame) check_template(job, measure_template(job, row, chunk_end, 4));
@@ -448,11 +430,8 @@ class Preparation {
   Store store_;
   std::vector<Store> shards_;  ///< to merge
   TemplateChecker checker_;
+  Workers workers_;
   std::mutex mutex_, checker_mutex_;
-  std::unique_ptr<Progress> progress_;
-  std::atomic<std::size_t> next_job_{0};
-  std::atomic<bool> stopped_{false};
-  std::exception_ptr error_;
   std::map<int, std::vector<ChoiceOfFrame>> chosen_;  ///< [C] by sequence
   long new_records_ = 0;
 };

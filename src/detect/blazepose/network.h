@@ -19,7 +19,6 @@ class Network {
   Network(const Network&) = delete;
   Network& operator=(const Network&) = delete;
   Network(Network&&) noexcept;
-  Network& operator=(Network&&) noexcept;
 
   const TensorShape& output_shape(std::size_t index) const;
 

@@ -5,7 +5,6 @@
 #include <cstring>
 #include <optional>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/detect/blazepose/network_shapes.h"
 

@@ -8,8 +8,6 @@
 #include <regex>
 #include <set>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 namespace {

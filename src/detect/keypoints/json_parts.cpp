@@ -5,7 +5,6 @@
 #include <climits>
 #include <cmath>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/json_depth.h"
 

@@ -2,6 +2,7 @@
 #include <map>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/lower_case.h"
 #include "doppel/detect/keypoints/csv_reader.h"
 #include "doppel/detect/keypoints/format.h"
 #include "doppel/detect/keypoints/json_parts.h"
@@ -18,11 +19,6 @@ struct WideColumn {
   char part = 0;  ///< 'x', 'y', 'c' confidence; 0: something else
 };
 
-std::string lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
-  return text;
-}
-
 /// 0 for words that name no part of a point.
 char part_of(const std::string& word) {
   if (word == "x" || word == "y") return word[0];
@@ -32,7 +28,7 @@ char part_of(const std::string& word) {
 }
 
 WideColumn wide_column(std::string name) {
-  name = lower(std::move(name));
+  name = lower_case(std::move(name));
   const std::size_t cut = name.find_last_of("_. ");
   if (cut != std::string::npos && part_of(name.substr(cut + 1)) != 0)
     return {name.substr(0, cut), part_of(name.substr(cut + 1))};

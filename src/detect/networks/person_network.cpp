@@ -1,7 +1,6 @@
 #include "doppel/detect/networks/person_network.h"
 
 #include <algorithm>
-#include <memory>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
@@ -181,7 +180,6 @@ PersonNetwork::PersonNetwork(const PersonNetworkOptions& options, int points)
     : impl_(std::make_unique<Impl>(options, points)) {}
 PersonNetwork::~PersonNetwork() = default;
 PersonNetwork::PersonNetwork(PersonNetwork&&) noexcept = default;
-PersonNetwork& PersonNetwork::operator=(PersonNetwork&&) noexcept = default;
 
 std::optional<PersonFinding> PersonNetwork::find(const cv::Mat& image) {
   require_image(image);

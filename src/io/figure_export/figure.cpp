@@ -1,7 +1,6 @@
 #include "doppel/io/figure_export/figure.h"
 
 #include <algorithm>
-#include <map>
 #include <set>
 
 #include "doppel/character/joint_map.h"

@@ -11,8 +11,6 @@
 #include <span>
 #include <vector>
 
-#include "doppel/core/error.h"
-
 namespace doppel {
 namespace {
 

@@ -30,12 +30,6 @@ Eigen::Vector3d vertex_of(const std::vector<float>& vertices, std::size_t v) {
   return {vertices[3 * v], vertices[3 * v + 1], vertices[3 * v + 2]};
 }
 
-/// What linear targets make of a group of frames: displacements mean + components * weights.
-struct Basis {
-  Eigen::VectorXf mean;        ///< [3N]
-  Eigen::MatrixXf components;  ///< [3N, K] orthonormal
-};
-
 /// Frames that may share targets. Vectors have an entry for each number of targets that may move at once.
 struct Group {
   std::vector<int> frames;
@@ -60,7 +54,8 @@ class GroupFit {
   Group fit(std::vector<int> frames, const std::vector<int>& counts) const {
     Group group;
     group.frames = std::move(frames);
-    const Basis basis = basis_of(group.frames, std::max(counts.back(), 2));  // one component says where to divide
+    const LinearShapes basis =
+        basis_of(group.frames, std::max(counts.back(), 2));  // one component says where to divide
     for (const int count : counts)
       group.targets.push_back(1 + std::min(count - 1, static_cast<int>(basis.components.cols())));
     group.worst.assign(counts.size(), 0.0);
@@ -68,25 +63,20 @@ class GroupFit {
     return group;
   }
 
-  Basis basis_of(const std::vector<int>& frames, int count) const {
+  /// What linear targets make of a group of frames.
+  LinearShapes basis_of(const std::vector<int>& frames, int count) const {
     const std::size_t used = std::min<std::size_t>(frames.size(), kSnapshots);
     std::vector<int> spread(used);
     for (std::size_t i = 0; i < used; ++i) spread[i] = frames[i * frames.size() / used];
-    Eigen::MatrixXf snapshots = displacements(spread);
-    Basis basis;
-    basis.mean = snapshots.rowwise().mean();
-    snapshots.colwise() -= basis.mean;
-    basis.components = principal_components(snapshots, count - 1);
-    return basis;
+    return linear_shapes(displacements(spread), count - 1);
   }
 
   /// The weights with the least squared distance between the blended vertices and those of the frame: [K]. Conjugate
   /// gradients from the projection; blended matrices are nearly rotations, so that a few steps suffice.
-  Eigen::VectorXf frame_weights(int t, const Basis& basis) const {
+  Eigen::VectorXf frame_weights(int t, const LinearShapes& basis) const {
     const std::vector<Eigen::Affine3d> matrices = blended(t);
     const std::vector<float>& vertices = clip_.vertices[t];
-    Eigen::VectorXf weights =
-        basis.components.transpose() * (unposed_displacements(figure_, matrices, vertices) - basis.mean);
+    Eigen::VectorXf weights = basis.weights_of(unposed_displacements(figure_, matrices, vertices));
     Eigen::VectorXf residual(basis.mean.size());
     const Eigen::VectorXf displacement = basis.mean + basis.components * weights;
     for (std::size_t v = 0; v < matrices.size(); ++v)
@@ -141,7 +131,7 @@ class GroupFit {
 
   /// Takes some frames of a group into account, from the `first` on: the errors of their projections on the basis, and
   /// the half that each belongs to.
-  void measure(const Basis& basis, std::size_t first, Group& group) const {
+  void measure(const LinearShapes& basis, std::size_t first, Group& group) const {
     const std::span<const int> frames =
         std::span(group.frames).subspan(first, std::min(kFramesAtOnce, group.frames.size() - first));
     const Eigen::MatrixXf wanted = displacements(frames).colwise() - basis.mean;
@@ -210,18 +200,12 @@ Division divide(const GroupFit& fit, Group& all, const std::vector<int>& counts,
   }
 }
 
-Eigen::MatrixX3f rows_of(const Eigen::VectorXf& values) {
-  Eigen::MatrixX3f rows(values.size() / 3, 3);
-  for (Eigen::Index v = 0; v < rows.rows(); ++v) rows.row(v) = values.segment<3>(3 * v).transpose();
-  return rows;
-}
-
 /// Adds the targets of a group. Their weights are 0 to 1, because programs clamp others: the smallest weight of each
 /// component goes into the mean, which becomes a target with weight 1.
 /// @param count largest number of targets @param group number of the group, for the names
 void add_targets(const GroupFit& fit, const std::vector<int>& frames, int count, std::size_t group,
                  MorphTargets& morphs) {
-  const Basis basis = fit.basis_of(frames, count);
+  const LinearShapes basis = fit.basis_of(frames, count);
   const Eigen::Index before = morphs.weights.cols(), added = basis.components.cols() + 1;
   Eigen::MatrixXf weights(added - 1, static_cast<Eigen::Index>(frames.size()));
   for (std::size_t i = 0; i < frames.size(); ++i)
@@ -236,11 +220,11 @@ void add_targets(const GroupFit& fit, const std::vector<int>& frames, int count,
     for (std::size_t i = 0; i < frames.size(); ++i)
       morphs.weights(frames[i], before + k) =
           static_cast<double>(weights(k, static_cast<Eigen::Index>(i)) - least) / static_cast<double>(range);
-    morphs.targets.push_back(rows_of(range * basis.components.col(k)));
+    morphs.targets.push_back(target_rows(range * basis.components.col(k)));
     morphs.names.push_back(fmt::format("Frames{}_Way{}", group, k + 1));
   }
   for (const int frame : frames) morphs.weights(frame, before + added - 1) = 1.0;
-  morphs.targets.push_back(rows_of(constant));
+  morphs.targets.push_back(target_rows(constant));
   morphs.names.push_back(fmt::format("Frames{}_Base", group));
 }
 

@@ -13,6 +13,22 @@ constexpr double kInverseDamping = 1e-3;
 /// Components below this share of the largest are noise.
 constexpr double kMinShare = 1e-9;
 
+/// Orthonormal components of columns from which their mean was subtracted, largest first. @return [3N, K]
+Eigen::MatrixXf principal_components(const Eigen::MatrixXf& columns, int count) {
+  // By the eigenvectors of their inner products. In single precision, small components would not be orthogonal.
+  const Eigen::MatrixXd exact = columns.cast<double>(), gram = exact.transpose() * exact;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(gram);
+  const Eigen::Index last = gram.rows() - 1;
+  const double largest = std::max(solver.eigenvalues()(last), 0.0);
+  int used = 0;
+  while (used < count && used <= last && solver.eigenvalues()(last - used) > std::max(largest * kMinShare, 1e-12))
+    ++used;
+  Eigen::MatrixXf components(exact.rows(), used);
+  for (int k = 0; k < used; ++k)
+    components.col(k) = (exact * solver.eigenvectors().col(last - k)).normalized().cast<float>();
+  return components;
+}
+
 }  // namespace
 
 Eigen::VectorXf unposed_displacements(const Figure& figure, const std::vector<Eigen::Affine3d>& blended,
@@ -28,19 +44,17 @@ Eigen::VectorXf unposed_displacements(const Figure& figure, const std::vector<Ei
   return result;
 }
 
-Eigen::MatrixXf principal_components(const Eigen::MatrixXf& columns, int count) {
-  // By the eigenvectors of their inner products. In single precision, small components would not be orthogonal.
-  const Eigen::MatrixXd exact = columns.cast<double>(), gram = exact.transpose() * exact;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(gram);
-  const Eigen::Index last = gram.rows() - 1;
-  const double largest = std::max(solver.eigenvalues()(last), 0.0);
-  int used = 0;
-  while (used < count && used <= last && solver.eigenvalues()(last - used) > std::max(largest * kMinShare, 1e-12))
-    ++used;
-  Eigen::MatrixXf components(exact.rows(), used);
-  for (int k = 0; k < used; ++k)
-    components.col(k) = (exact * solver.eigenvectors().col(last - k)).normalized().cast<float>();
-  return components;
+LinearShapes linear_shapes(Eigen::MatrixXf displacements, int count) {
+  LinearShapes shapes;
+  shapes.mean = displacements.rowwise().mean();
+  displacements.colwise() -= shapes.mean;
+  shapes.components = principal_components(displacements, count);
+  return shapes;
+}
+
+Eigen::MatrixX3f target_rows(const Eigen::VectorXf& displacements) {
+  using Rows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
+  return Eigen::Map<const Rows>(displacements.data(), displacements.size() / 3, 3);
 }
 
 }  // namespace doppel

@@ -12,9 +12,22 @@ namespace doppel {
 Eigen::VectorXf unposed_displacements(const Figure& figure, const std::vector<Eigen::Affine3d>& blended,
                                       std::span<const float> vertices);
 
-/// Orthonormal components of columns from which their mean was subtracted, largest first.
-/// @param columns [3N, S] @param count largest number of components; fewer are found where fewer are there
-/// @return [3N, K]
-Eigen::MatrixXf principal_components(const Eigen::MatrixXf& columns, int count);
+/// Displacements of the rest vertices as mean + components * weights.
+struct LinearShapes {
+  Eigen::VectorXf mean;        ///< [3N] metres
+  Eigen::MatrixXf components;  ///< [3N, K] orthonormal
+
+  /// The weights with the least squared distance, metres: [K]
+  Eigen::VectorXf weights_of(const Eigen::VectorXf& displacements) const {
+    return components.transpose() * (displacements - mean);
+  }
+};
+
+/// Mean and principal components, largest first.
+/// @param displacements [3N, S] @param count largest number of components; fewer are found where fewer are there
+LinearShapes linear_shapes(Eigen::MatrixXf displacements, int count);
+
+/// One row a vertex. @param displacements [3N]
+Eigen::MatrixX3f target_rows(const Eigen::VectorXf& displacements);
 
 }  // namespace doppel

@@ -1,11 +1,9 @@
 #include "doppel/io/motion_import/read_motion_file.h"
 
-#include <algorithm>
-#include <cctype>
-
 #include "doppel/character/bvh.h"
 #include "doppel/character/resample_motion.h"
 #include "doppel/core/error.h"
+#include "doppel/core/lower_case.h"
 #include "doppel/io/motion_import/landmark_map.h"
 #include "doppel/io/motion_import/marker_motion.h"
 #include "doppel/io/motion_import/smpl_motion.h"
@@ -25,9 +23,7 @@ constexpr double kUsualRate = 25.0;
 enum class MotionFormat { skeletool, bvh, rig, smpl, markers };
 
 MotionFormat format_of(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
+  const std::string extension = lower_case(path.extension().string());
   if (extension == ".motion") return MotionFormat::skeletool;
   if (extension == ".bvh") return MotionFormat::bvh;
   if (extension == ".npz") return MotionFormat::smpl;

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 namespace {

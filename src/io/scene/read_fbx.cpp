@@ -3,7 +3,6 @@
 #include <map>
 
 #include "doppel/core/as_size.h"
-#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/io/scene/fbx_animation.h"
 #include "doppel/io/scene/fbx_file.h"

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <map>
 
-#include "doppel/core/as_size.h"
 #include "doppel/geometry/obj_file.h"
 #include "doppel/io/scene/finish_scene.h"
 #include "doppel/io/scene/readers.h"

@@ -1,9 +1,8 @@
 #include "doppel/io/scene/read_scene.h"
 
-#include <algorithm>
-
 #include "doppel/core/error.h"
 #include "doppel/core/file_head.h"
+#include "doppel/core/lower_case.h"
 #include "doppel/io/scene/finish_scene.h"
 #include "doppel/io/scene/readers.h"
 #include "doppel/io/scene/texture_tiles.h"
@@ -14,19 +13,12 @@ namespace fs = std::filesystem;
 
 namespace {
 
-std::string extension_of(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
-}
-
 /// The extension that the first bytes of the file call for; that of its name where they say nothing.
 std::string format_of(const fs::path& path) {
   const std::string start = read_head(path, 24);
   if (start.rfind("glTF", 0) == 0) return ".glb";
   if (start.rfind("Kaydara FBX Binary", 0) == 0 || start.rfind("; FBX", 0) == 0) return ".fbx";
-  return extension_of(path);
+  return lower_case(path.extension().string());
 }
 
 Scene read_format(const fs::path& path, const SceneLimits& limits) {

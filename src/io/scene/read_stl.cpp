@@ -1,9 +1,9 @@
-#include <algorithm>
 #include <cmath>
 #include <cstring>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/lower_case.h"
 #include "doppel/core/text_reader.h"
 #include "doppel/io/scene/readers.h"
 
@@ -124,8 +124,7 @@ class StlReader {
     TextReader reader(path_, "an STL file");
     std::vector<int> loop;
     while (reader.next_line()) {
-      std::string key(reader.tokens()[0]);
-      std::transform(key.begin(), key.end(), key.begin(), [](unsigned char c) { return std::tolower(c); });
+      const std::string key = lower_case(std::string(reader.tokens()[0]));
       if (key == "vertex") {
         const double x = reader.number(1, "x"), y = reader.number(2, "y"), z = reader.number(3, "z");
         loop.push_back(joiner_.index_of({x, y, z}));

@@ -3,7 +3,6 @@
 
 #include "doppel/layers/dense_layers/dense_layers_kernel.h"
 
-#include <cstdint>
 #include <cstring>
 
 #include "doppel/core/vector_width.h"

@@ -5,8 +5,6 @@
 
 #include "doppel/layers/graph_convolution/graph_chain_kernel.h"
 
-#include <cstdint>
-
 #include "doppel/core/exponential.h"
 #include "doppel/core/vector_width.h"
 

@@ -7,7 +7,6 @@
 #include "doppel/layers/graph_convolution/graph_convolution_kernel.h"
 
 #include <cmath>
-#include <cstdint>
 #include <cstring>
 
 #include "doppel/core/exponential.h"

@@ -5,7 +5,6 @@
 #include "doppel/layers/image_convolution/image_convolution_kernel.h"
 
 #include <cmath>
-#include <cstdint>
 #include <cstring>
 
 #include "doppel/core/vector_width.h"

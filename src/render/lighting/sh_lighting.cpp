@@ -1,7 +1,5 @@
 #include "doppel/render/lighting/sh_lighting.h"
 
-#include <torch/types.h>
-
 #include <cmath>
 
 namespace doppel {

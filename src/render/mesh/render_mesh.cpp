@@ -1,7 +1,5 @@
 #include "doppel/render/mesh/render_mesh.h"
 
-#include <torch/types.h>
-
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/core/tensor/image_tensor.h"

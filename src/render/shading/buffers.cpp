@@ -1,6 +1,5 @@
 #include "doppel/render/shading/buffers.h"
 
-#include <torch/types.h>
 #include <torch/utils.h>
 
 #include <array>
@@ -16,8 +15,6 @@ namespace doppel {
 using torch::Tensor;
 
 namespace {
-
-constexpr std::array<const char*, 8> kNames{"colour", "albedo", "normal", "shading", "depth", "mask", "uv", "position"};
 
 bool draws_with_shade(RenderMode mode) {
   return mode == RenderMode::colour || mode == RenderMode::albedo || mode == RenderMode::shading;
@@ -59,8 +56,6 @@ Tensor surface_values(const RenderScene& scene, const RenderMesh& mesh, const sh
 }
 
 }  // namespace
-
-const char* name_of(RenderMode mode) { return kNames[static_cast<int>(mode)]; }
 
 Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std::int64_t height, std::int64_t width,
                    RenderMode mode, const ShadingOptions& options) {

@@ -21,8 +21,6 @@ enum class RenderMode {
   position,  ///< 3: world, metres
 };
 
-const char* name_of(RenderMode mode);
-
 /// The inputs of a drawing. `texture` and `lighting` are needed by some modes only, as in `shade`.
 struct RenderScene {
   torch::Tensor vertices;    ///< float32 [B,N,3], world, metres

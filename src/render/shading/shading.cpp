@@ -1,7 +1,6 @@
 #include "doppel/render/shading/shading.h"
 
 #include <torch/csrc/jit/frontend/tracer.h>
-#include <torch/types.h>
 
 #include <cmath>
 

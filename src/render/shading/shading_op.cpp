@@ -78,10 +78,7 @@ struct Workspace {
 };
 
 /// A workspace for one call. All serve every call.
-class WorkspaceLease : public render::Lease<Workspace> {
- public:
-  WorkspaceLease() : Lease([](const Workspace&) { return true; }, [] { return std::make_unique<Workspace>(); }) {}
-};
+using WorkspaceLease = render::Lease<Workspace>;
 
 // --- arguments -------------------------------------------------------------------------------------------------------
 

@@ -38,10 +38,7 @@ struct Workspace {
   std::vector<std::int32_t> copies;
   std::vector<std::unique_ptr<ThreadMemory>> threads;
 };
-class WorkspaceLease : public render::Lease<Workspace> {
- public:
-  WorkspaceLease() : Lease([](const Workspace&) { return true; }, [] { return std::make_unique<Workspace>(); }) {}
-};
+using WorkspaceLease = render::Lease<Workspace>;
 
 /// The arguments of one call in the form of the kernels.
 struct Scene {

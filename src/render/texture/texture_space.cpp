@@ -2,12 +2,10 @@
 
 #include <ATen/Parallel.h>
 #include <torch/library.h>
-#include <torch/types.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <vector>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"

@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "doppel/core/error.h"
-#include "doppel/core/log.h"
 #include "doppel/rigging/autorig/find_joints.h"
 #include "doppel/rigging/autorig/pose_sheet.h"
 #include "doppel/rigging/joints/find_fingers.h"
@@ -117,8 +116,8 @@ CreatedCharacter create_character(const std::string& name, const ScanParts& scan
     mesh = simplify(mesh, simplification, &report);
     result.notes.push_back(report.sentence);
   }
-  RigOptions rig;
-  rig.character.num_nodes = options.nodes;
+  CharacterOptions rig;
+  rig.num_nodes = options.nodes;
   result.character = make_character(name, mesh, joints, solid, rig);
   result.bending = examine_bending(result.character);
   result.pose_sheet = draw_pose_sheet(result.character);

@@ -96,8 +96,6 @@ struct ScanPainter::Impl {
 
 ScanPainter::ScanPainter(const TriangleMesh& mesh) : impl_(std::make_unique<Impl>(mesh)) {}
 ScanPainter::~ScanPainter() = default;
-ScanPainter::ScanPainter(ScanPainter&&) noexcept = default;
-ScanPainter& ScanPainter::operator=(ScanPainter&&) noexcept = default;
 
 cv::Mat ScanPainter::draw(const PinholeCamera& camera) {
   const torch::Tensor intrinsics =

@@ -27,8 +27,6 @@ class ScanPainter {
   ~ScanPainter();
   ScanPainter(const ScanPainter&) = delete;
   ScanPainter& operator=(const ScanPainter&) = delete;
-  ScanPainter(ScanPainter&&) noexcept;
-  ScanPainter& operator=(ScanPainter&&) noexcept;
 
   /// @return 8-bit BGR
   cv::Mat draw(const PinholeCamera& camera);

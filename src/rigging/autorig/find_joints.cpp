@@ -108,7 +108,8 @@ FoundJoints find_joints(const TriangleMesh& mesh, const BodyPointsOptions& optio
   return found;
 }
 
-cv::Mat draw_joint_sheet(const std::vector<ScanView>& views, const BodyJoints& joints, int columns) {
+cv::Mat draw_joint_sheet(const std::vector<ScanView>& views, const BodyJoints& joints) {
+  constexpr int columns = 4;
   if (views.empty()) return {};
   const int shown = std::min<int>(2 * columns, static_cast<int>(views.size()));
   const int step = std::max(1, static_cast<int>(views.size()) / 2 / shown);

@@ -25,6 +25,6 @@ FoundJoints find_joints(const TriangleMesh& mesh, const BodyPointsOptions& optio
 std::string pose_fault(const BodyJoints& joints);
 
 /// The images of the first ring as one sheet, with joints and bones drawn on the scan. 8-bit BGR.
-cv::Mat draw_joint_sheet(const std::vector<ScanView>& views, const BodyJoints& joints, int columns = 4);
+cv::Mat draw_joint_sheet(const std::vector<ScanView>& views, const BodyJoints& joints);
 
 }  // namespace doppel

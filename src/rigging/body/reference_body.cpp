@@ -283,8 +283,8 @@ ReferenceBody make_reference_body(int num_vertices, int num_nodes) {
   TriangleMesh mesh =
       coarsen(fine, field, num_vertices, [&](const Vector3d& p) { return relative_edge_at(p, body.joints); });
   unwrap(mesh, kGutter);
-  RigOptions options;
-  options.character.num_nodes = num_nodes;
+  CharacterOptions options;
+  options.num_nodes = num_nodes;
   VoxelSolidOptions solid;
   solid.cell = kSolidCell;
   body.character = make_character("body", mesh, body.joints, solid_grid(VoxelSolid(mesh, solid)), options);

@@ -84,7 +84,7 @@ void divide_one(Character& character, const BodyJoints& joints, const std::strin
     field(v, bone) = static_cast<float>(divided[0]);
     field.row(v).segment(before, kHandBones - 1) = divided.tail<kHandBones - 1>().cast<float>();
   }
-  character.skin = sparse_weights(field, bones, HeatOptions());
+  character.skin = sparse_weights(field, bones);
 }
 
 }  // namespace

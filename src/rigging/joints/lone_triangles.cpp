@@ -34,12 +34,8 @@ IndexRows inverse_of(const std::vector<int>& numbers, int count) {
 /// The template in the test poses, for weights that change at few vertices.
 class PosedTemplate {
  public:
-  PosedTemplate(const Character& character, const HeatOptions& options, double stretch)
-      : mesh_(character.mesh),
-        options_(options),
-        limit_(stretch),
-        neighbours_(face_neighbours(mesh_.faces)),
-        position_(same_positions(mesh_.vertices)) {
+  explicit PosedTemplate(const Character& character)
+      : mesh_(character.mesh), neighbours_(face_neighbours(mesh_.faces)), position_(same_positions(mesh_.vertices)) {
     std::vector<int> corners;
     for (const Triangle& face : mesh_.faces) corners.insert(corners.end(), face.begin(), face.end());
     corners_at_ = inverse_of(corners, mesh_.num_vertices());
@@ -63,7 +59,7 @@ class PosedTemplate {
     std::vector<int> lone;
     for (int f = 0; f < mesh_.num_faces(); ++f)
       if (std::any_of(stretches_.begin(), stretches_.end(), [&](const std::vector<double>& stretches) {
-            return stretches_alone(stretches, neighbours_, f, limit_);
+            return stretches_alone(stretches, neighbours_, f, kStretchLimit);
           }))
         lone.push_back(f);
     return lone;
@@ -107,7 +103,7 @@ class PosedTemplate {
   void pose(const WeightField& field, const std::vector<int>& vertices) {
     std::vector<int> faces;
     for (const int v : vertices) {
-      const SparseRow row = sparse_row(field, v, options_);
+      const SparseRow row = sparse_row(field, v);
       for (std::size_t i = 0; i < blends_.size(); ++i)
         posed_[i][v] = blends_[i].point(mesh_.vertices[v], row.bones, row.weights);
       for (const int corner : corners_at_.row(v)) faces.push_back(corner / 3);
@@ -123,8 +119,6 @@ class PosedTemplate {
   }
 
   const TriangleMesh& mesh_;
-  HeatOptions options_;
-  double limit_;
   IndexRows neighbours_;                        ///< [F]
   std::vector<int> position_;                   ///< [N]
   IndexRows vertices_at_;                       ///< [P] the vertices at each position
@@ -147,10 +141,10 @@ int count_sticking(const Character& character) {
 
 }  // namespace
 
-void set_smooth_skin(Character& character, const WeightField& field, const HeatOptions& options, double stretch) {
+void set_smooth_skin(Character& character, const WeightField& field) {
   const std::vector<std::string> bones = character.skin.bones;
-  character.skin = sparse_weights(field, bones, options);
-  PosedTemplate posed(character, options, stretch);
+  character.skin = sparse_weights(field, bones);
+  PosedTemplate posed(character);
   posed.pose_all(field);
   std::vector<int> lone = posed.lone_triangles();
   const std::size_t lone_before = lone.size();
@@ -162,7 +156,7 @@ void set_smooth_skin(Character& character, const WeightField& field, const HeatO
   }
   const std::size_t faults_before = lone_before + as_size(count_sticking(character));
   const SkinningWeights before = character.skin;
-  character.skin = sparse_weights(smooth, bones, options);
+  character.skin = sparse_weights(smooth, bones);
   if (lone.size() + as_size(count_sticking(character)) >= faults_before) character.skin = before;
 }
 

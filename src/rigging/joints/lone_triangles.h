@@ -13,7 +13,6 @@ namespace doppel {
 /// after 150. Where limbs have grown together they only spread the stretch: unless there are fewer lone triangles and
 /// sticking vertices in the end, the field itself becomes the skin.
 /// @param character with mesh, skeleton, rest pose, and a skin that names the bones @param field [N, Bn]
-/// @param options how many weights remain @param stretch the limit, as BendLimits::stretch
-void set_smooth_skin(Character& character, const WeightField& field, const HeatOptions& options, double stretch);
+void set_smooth_skin(Character& character, const WeightField& field);
 
 }  // namespace doppel

@@ -260,34 +260,25 @@ void pull_inside(Vector3d& joint, const SolidGrid& solid, const std::vector<floa
       }
 }
 
-int count_outside(const BodyJoints& joints, const SolidGrid& solid) {
-  int outside = 0;
-  for (const std::string& name : body_joint_names())
-    if (joints.has(name) && !solid.is_inside(joints.at(name))) ++outside;
-  return outside;
-}
-
 }  // namespace
 
-Placement move_inside(BodyJoints& joints, const SolidGrid& solid, const PlacementOptions& options) {
-  constexpr double kAdultTrunk = 0.48;
-  Placement placement;
-  placement.outside_before = count_outside(joints, solid);
+std::map<std::string, double> move_inside(BodyJoints& joints, const SolidGrid& solid) {
+  constexpr double kAdultTrunk = 0.48, kLargestMove = 0.06;  // metres
+  std::map<std::string, double> moves;
   const BodyJoints given = joints;
   Placer placer(joints, solid);
   placer.run();
-  const double most = options.largest_move * placer.trunk() / kAdultTrunk;
+  const double most = kLargestMove * placer.trunk() / kAdultTrunk;
   for (auto& [name, position] : joints.positions) {
     const Vector3d move = position - given.at(name);
     if (move.norm() > most) position = given.at(name) + most * move.normalized();
-    placement.moved[name] = 0.0;
+    moves[name] = 0.0;
   }
   const std::vector<float> depth = distance_to_outside(solid);
   for (const std::string& name : body_joint_names())
     if (joints.has(name) && !solid.is_inside(joints.at(name))) pull_inside(joints.positions[name], solid, depth, most);
-  for (auto& [name, moved] : placement.moved) moved = (joints.at(name) - given.at(name)).norm();
-  placement.outside_after = count_outside(joints, solid);
-  return placement;
+  for (auto& [name, moved] : moves) moved = (joints.at(name) - given.at(name)).norm();
+  return moves;
 }
 
 }  // namespace doppel

@@ -8,21 +8,12 @@
 
 namespace doppel {
 
-struct PlacementOptions {
-  double largest_move = 0.06;  ///< of a joint, metres for a body of 1.7 m; it scales with the trunk
-};
-
-/// What `move_inside` did.
-struct Placement {
-  std::map<std::string, double> moved;        ///< metres, by joint
-  int outside_before = 0, outside_after = 0;  ///< joints outside of the solid
-};
-
 /// Moves joints so that bones lie inside of the limbs. Elbow, wrist, knee and ankle move to the middle of the limb's
 /// cross-section, perpendicular to the bones; along the limb they move only as far as both sides agree. Hip and
 /// shoulder have no middle that the shape could tell: they move only when they lie outside or too near to the surface,
 /// or when the two sides disagree. A cross-section that holds more than the limb (armpit, crotch, skirt, a hand on the
-/// hip) does not move the joint. The trunk's joints stay.
-Placement move_inside(BodyJoints& joints, const SolidGrid& solid, const PlacementOptions& options = {});
+/// hip) does not move the joint. The trunk's joints stay. No joint of a body of 1.7 m moves by more than 6 cm.
+/// @return metres that each joint moved
+std::map<std::string, double> move_inside(BodyJoints& joints, const SolidGrid& solid);
 
 }  // namespace doppel

@@ -231,7 +231,6 @@ class PartMerger {
     const bool colours = has_colours();
     for (const ScanPart& part : scan_.parts) {
       const int first = out_.mesh.num_vertices();
-      out_.first_vertex.push_back(first);
       out_.first_face.push_back(out_.mesh.num_faces());
       out_.mesh.vertices.insert(out_.mesh.vertices.end(), part.mesh.vertices.begin(), part.mesh.vertices.end());
       for (const Triangle& face : part.mesh.faces)
@@ -240,7 +239,6 @@ class PartMerger {
       const std::vector<Vector3d> own = part.mesh.colours.empty() ? sampled_colours(part) : part.mesh.colours;
       out_.mesh.colours.insert(out_.mesh.colours.end(), own.begin(), own.end());
     }
-    out_.first_vertex.push_back(out_.mesh.num_vertices());
     out_.first_face.push_back(out_.mesh.num_faces());
   }
 
@@ -370,7 +368,6 @@ class PartMerger {
       fail<UsageError>(
           "joining the parts of the scan: {} textures do not fit into an image of {} pixels; allow a larger one",
           patches_.size(), options_.largest_size);
-    out_.texture_scale = scale;
     if (scale < 1.0)
       out_.notes.push_back(
           fmt::format("The textures were scaled by {:.2f} to fit into {} pixels.", scale, options_.largest_size));

@@ -16,8 +16,6 @@ struct AtlasOptions {
 struct MergedScan {
   TriangleMesh mesh;               ///< all parts; one texture, or none if no part has one
   std::vector<int> first_face;     ///< [parts + 1] the faces of part p are first_face[p] .. first_face[p+1]
-  std::vector<int> first_vertex;   ///< [parts + 1]
-  double texture_scale = 1.0;      ///< by which the textures were scaled down
   std::vector<std::string> notes;  ///< what was baked, scaled or lost, in words
 };
 

@@ -307,10 +307,6 @@ UpCues up_cues(const CoarseBody& body, int direction) {
   return cues;
 }
 
-double Facing::confidence() const {
-  return std::clamp(toes / (4.0 * kMinToeLength), 0.0, 1.0) * std::clamp((mirror - 0.3) / 0.4, 0.2, 1.0);
-}
-
 std::optional<Facing> find_facing(const CoarseBody& body, int up_direction) {
   const Vector3d up = axis_direction(up_direction);
   const double extent = std::abs((body.box.max() - body.box.min()).dot(up));
@@ -325,8 +321,7 @@ std::optional<Facing> find_facing(const CoarseBody& body, int up_direction) {
   Vector3d toes = centre_of(feet) - centre_of(ankles);
   toes -= toes.dot(up) * up;
   Facing facing;
-  facing.toes = toes.norm() / extent;
-  if (facing.toes < kMinToeLength) return std::nullopt;
+  if (toes.norm() / extent < kMinToeLength) return std::nullopt;
   toes.normalize();
 
   const Vector3d centre = centre_of(rest);

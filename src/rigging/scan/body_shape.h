@@ -45,9 +45,7 @@ UpCues up_cues(const CoarseBody& body, int direction);
 /// Which way the person faces.
 struct Facing {
   Eigen::Vector3d direction;
-  double toes = 0.0;    ///< how far the feet lie before the ankles, share of the height
   double mirror = 0.0;  ///< share of the body whose mirror image is in the body
-  double confidence() const;
 };
 /// @return nothing when the feet do not tell
 std::optional<Facing> find_facing(const CoarseBody& body, int up_direction);

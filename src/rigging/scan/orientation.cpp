@@ -248,7 +248,6 @@ class OrientationFinder {
   void find_way() {
     if (facing_) {
       out_.facing = facing_->direction;
-      out_.facing_confidence = facing_->confidence();
       out_.reasons.push_back(fmt::format(
           "Facing: ({:.2f}, {:.2f}, {:.2f}) in the file, because the toes point there; {:.0f} % of the body agree with "
           "its mirror image.",

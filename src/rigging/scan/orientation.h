@@ -42,7 +42,7 @@ struct ScanOrientation {
   std::optional<Eigen::Vector3d> facing;  ///< unit vector in the file's axes, or unknown
   bool floor = false;                     ///< a floor was seen under the feet
   /// 0 (a guess) to 1 (certain). What was given has 1.
-  double unit_confidence = 1.0, up_confidence = 1.0, facing_confidence = 0.0;
+  double unit_confidence = 1.0, up_confidence = 1.0;
   double confidence() const { return std::min(unit_confidence, up_confidence); }
   ScanShape shape;
   /// Sentences that say what was found and why, for the terminal: "Unit: cm, because ...".

@@ -78,8 +78,6 @@ class ScanRepair {
  public:
   ScanRepair(const TriangleMesh& mesh, const RepairOptions& options) : mesh_(mesh), options_(options) {
     check_scan_mesh(mesh, "repairing the scan");
-    source_.resize(mesh.vertices.size());
-    std::iota(source_.begin(), source_.end(), 0);
   }
 
   RepairedMesh run() {
@@ -97,7 +95,7 @@ class ScanRepair {
     int count = 0;
     face_components(mesh_.faces, mesh_.vertices.size(), count);
     report_.components = count;
-    return {std::move(mesh_), std::move(source_), std::move(report_)};
+    return {std::move(mesh_), std::move(report_)};
   }
 
  private:
@@ -407,7 +405,6 @@ class ScanRepair {
   void add_vertex_like(int vertex) {
     mesh_.vertices.push_back(Vector3d(mesh_.vertices[vertex]));
     if (!mesh_.colours.empty()) mesh_.colours.push_back(Vector3d(mesh_.colours[vertex]));
-    source_.push_back(int{source_[vertex]});
   }
 
   void fill_holes() {
@@ -497,20 +494,16 @@ class ScanRepair {
       if (position[v] == 0) continue;
       mesh_.vertices[kept] = Vector3d(mesh_.vertices[v]);
       if (!mesh_.colours.empty()) mesh_.colours[kept] = Vector3d(mesh_.colours[v]);
-      source_[kept] = source_[v];
       position[v] = kept++;
     }
-    report_.unused_vertices = static_cast<int>(position.size()) - kept;
     mesh_.vertices.resize(kept);
     if (!mesh_.colours.empty()) mesh_.colours.resize(kept);
-    source_.resize(kept);
     for (Triangle& face : mesh_.faces)
       for (int& v : face) v = position[v];
   }
 
   TriangleMesh mesh_;
   RepairOptions options_;
-  std::vector<int> source_;
   RepairReport report_;
   double height_ = 0.0;
   std::vector<int> across_;   // [3 F] the half beyond each half

@@ -35,14 +35,12 @@ struct RepairReport {
   int holes = 0, hole_faces = 0;    ///< filled holes, triangles added
   int open_borders = 0;             ///< closed border lines that stay
   int components = 0;               ///< of the mesh that results
-  int unused_vertices = 0;          ///< removed
   /// Plain sentences, the most important first; empty when nothing was mended.
   std::vector<std::string> sentences() const;
 };
 
 struct RepairedMesh {
   TriangleMesh mesh;
-  std::vector<int> source_vertices;  ///< [N] the vertex of the input that each vertex comes from
   RepairReport report;
 };
 

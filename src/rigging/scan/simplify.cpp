@@ -7,7 +7,6 @@
 #include <optional>
 #include <tuple>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/rigging/scan/edge_table.h"
 #include "doppel/rigging/scan/scan_parts.h"

@@ -6,7 +6,6 @@
 #include <numbers>
 #include <numeric>
 
-#include "doppel/core/as_size.h"
 #include "doppel/rigging/scan/scan_parts.h"
 
 namespace doppel {
@@ -15,6 +14,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr int kLeafSize = 8;
+constexpr double kFarRadii = 2.3;  // of a group: beyond, it counts as one dipole
 /// Each level halves the triangles, so no tree of int-indexed triangles is deeper; a level leaves one node waiting.
 constexpr int kStackSize = 64;
 
@@ -26,7 +26,7 @@ double half_solid_angle(const Vector3d& a, const Vector3d& b, const Vector3d& c)
 
 }  // namespace
 
-WindingNumber::WindingNumber(const TriangleMesh& mesh, double accuracy) {
+WindingNumber::WindingNumber(const TriangleMesh& mesh) {
   check_scan_mesh(mesh, "finding the inside of a mesh");
   std::vector<Vector3d> centres(mesh.faces.size());
   for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
@@ -62,10 +62,10 @@ WindingNumber::WindingNumber(const TriangleMesh& mesh, double accuracy) {
     const Triangle& face = mesh.faces[f];
     triangles_.push_back({{mesh.vertices[face[0]], mesh.vertices[face[1]], mesh.vertices[face[2]]}});
   }
-  for (std::size_t n = nodes_.size(); n-- > 0;) summarise(n, ranges[n], accuracy);
+  for (std::size_t n = nodes_.size(); n-- > 0;) summarise(n, ranges[n]);
 }
 
-void WindingNumber::summarise(std::size_t index, const std::array<int, 2>& range, double accuracy) {
+void WindingNumber::summarise(std::size_t index, const std::array<int, 2>& range) {
   Node& node = nodes_[index];
   double total = 0.0;
   Vector3d weighted = Vector3d::Zero(), plain = Vector3d::Zero();
@@ -81,7 +81,7 @@ void WindingNumber::summarise(std::size_t index, const std::array<int, 2>& range
   double radius = 0.0;
   for (int i = range[0]; i < range[1]; ++i)
     for (const Vector3d& corner : triangles_[i].p) radius = std::max(radius, (corner - node.centre).squaredNorm());
-  node.far = accuracy * accuracy * radius;
+  node.far = kFarRadii * kFarRadii * radius;
 }
 
 double WindingNumber::at(const Vector3d& point) const {

@@ -12,9 +12,8 @@ namespace doppel {
 /// holes. Groups of far triangles count as one dipole (Barill et al. 2018).
 class WindingNumber {
  public:
-  /// @param accuracy a group counts as far beyond `accuracy` times its radius
   /// @throws UsageError without faces
-  explicit WindingNumber(const TriangleMesh& mesh, double accuracy = 2.3);
+  explicit WindingNumber(const TriangleMesh& mesh);
 
   double at(const Eigen::Vector3d& point) const;
 
@@ -28,7 +27,7 @@ class WindingNumber {
   struct Corners {
     std::array<Eigen::Vector3d, 3> p;
   };
-  void summarise(std::size_t node, const std::array<int, 2>& range, double accuracy);
+  void summarise(std::size_t node, const std::array<int, 2>& range);
 
   std::vector<Node> nodes_;
   std::vector<Corners> triangles_;

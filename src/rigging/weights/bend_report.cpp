@@ -51,26 +51,27 @@ std::optional<double> worst_volume(const std::vector<ExaminedLimb>& limbs, const
   return worst;
 }
 
-std::string volume_fault(const PoseBend& bend, const char* joint, const std::optional<double>& volume, double limit) {
-  if (!volume || std::abs(*volume - 1.0) <= limit) return "";
+std::string volume_fault(const PoseBend& bend, const char* joint, const std::optional<double>& volume) {
+  constexpr double kLimit = 0.12;  // share of the volume that is lost or gained
+  if (!volume || std::abs(*volume - 1.0) <= kLimit) return "";
   return fmt::format("in the pose '{}' {} {} {:.0f} % of its volume (limit {:.0f} %)", bend.pose, joint,
-                     *volume < 1.0 ? "loses" : "gains", 100.0 * std::abs(*volume - 1.0), 100.0 * limit);
+                     *volume < 1.0 ? "loses" : "gains", 100.0 * std::abs(*volume - 1.0), 100.0 * kLimit);
 }
 
 }  // namespace
 
-BendReport examine_bending(const Character& character, const BendLimits& limits) {
+BendReport examine_bending(const Character& character) {
   const TriangleMesh& mesh = character.mesh;
   const StickingVertices sticking(character);
   const IndexRows neighbours = face_neighbours(mesh.faces);
   std::vector<ExaminedLimb> elbows, knees;
   for (const Hinge& hinge : find_hinges(character)) (hinge.knee ? knees : elbows).push_back(limb_of(character, hinge));
-  BendReport report{mesh.num_faces(), mesh.num_vertices(), limits, {}};
+  BendReport report{mesh.num_faces(), mesh.num_vertices(), {}};
   for (const TestPose& pose : test_poses(character.skeleton, character.rest_dofs)) {
     const SkinBlend blend(bone_motions(character, pose.dofs), character.skinning);
     const std::vector<Vector3d> posed = blend.vertices(mesh.vertices, character.skin);
     const StretchedTriangles stretched =
-        count_stretched(triangle_stretches(mesh.faces, mesh.vertices, posed), neighbours, limits.stretch);
+        count_stretched(triangle_stretches(mesh.faces, mesh.vertices, posed), neighbours, kStretchLimit);
     report.poses.push_back({pose.name, stretched.all, stretched.alone, stretched.largest,
                             static_cast<int>(sticking.find(blend, posed).size()), worst_volume(elbows, posed),
                             worst_volume(knees, posed)});
@@ -84,12 +85,12 @@ std::vector<std::string> BendReport::faults() const {
     if (bend.stretched_alone > 0)
       sentences.push_back(
           fmt::format("in the pose '{}' {} of {} triangles stretch more than {:g} times without their neighbours",
-                      bend.pose, bend.stretched_alone, triangles, limits.stretch));
+                      bend.pose, bend.stretched_alone, triangles, kStretchLimit));
     if (bend.sticking > 0)
       sentences.push_back(
           fmt::format("in the pose '{}' {} of {} vertices stick to another limb", bend.pose, bend.sticking, vertices));
-    for (const std::string& fault : {volume_fault(bend, "an elbow", bend.elbow_volume, limits.volume),
-                                     volume_fault(bend, "a knee", bend.knee_volume, limits.volume)})
+    for (const std::string& fault :
+         {volume_fault(bend, "an elbow", bend.elbow_volume), volume_fault(bend, "a knee", bend.knee_volume)})
       if (!fault.empty()) sentences.push_back(fault);
   }
   return sentences;
@@ -113,7 +114,7 @@ std::string BendReport::summary() const {
   return fmt::format(
       "at worst {} of {} triangles stretch more than {:g} times, {} alone; {} of {} vertices stick; volume kept at the "
       "elbow {}, at the knee {}",
-      worst.stretched, triangles, limits.stretch, worst.stretched_alone, worst.sticking, vertices,
+      worst.stretched, triangles, kStretchLimit, worst.stretched_alone, worst.sticking, vertices,
       percent(worst.elbow_volume), percent(worst.knee_volume));
 }
 

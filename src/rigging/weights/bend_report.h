@@ -8,12 +8,6 @@
 
 namespace doppel {
 
-/// What may happen to a rig in an extreme pose.
-struct BendLimits {
-  double stretch = 3.0;  ///< of a triangle, unless its neighbours stretch as well
-  double volume = 0.12;  ///< share of its volume that an elbow or a knee may lose or gain
-};
-
 /// A rig in one test pose.
 struct PoseBend {
   std::string pose;                    ///< the name of the TestPose
@@ -28,8 +22,7 @@ struct PoseBend {
 
 struct BendReport {
   int triangles = 0, vertices = 0;  ///< of the template
-  BendLimits limits;
-  std::vector<PoseBend> poses;  ///< one for each of test_poses
+  std::vector<PoseBend> poses;      ///< one for each of test_poses
 
   /// What exceeds a limit, a sentence for each pose and kind of fault; empty when the rig bends well.
   std::vector<std::string> faults() const;
@@ -40,6 +33,6 @@ struct BendReport {
 /// Examines how the template of a character bends in the five test poses, skinned as `character.skinning` says.
 /// @throws Error as test_poses, and where the skeleton has no bones of arms and legs: for a character whose skeleton is
 ///   not of make_body_skeleton
-BendReport examine_bending(const Character& character, const BendLimits& limits = {});
+BendReport examine_bending(const Character& character);
 
 }  // namespace doppel

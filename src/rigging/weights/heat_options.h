@@ -14,13 +14,11 @@ struct HeatBone {
 };
 
 struct HeatOptions {
-  int max_bones = 6;              ///< of a vertex
-  double smallest_weight = 0.01;  ///< smaller weights are dropped, and the others are scaled to sum 1
-  double thickness = 0.25;        ///< of a bone: the share of its distance to the surface that it fills
-  double sharpness = 2.0;         ///< power of the weights; above 1 the transition at a joint becomes shorter
-  double air = 1e-4;              ///< conduction of the cells around the body, relative to those inside
-  double wall = 0.1;  ///< conduction through a surface inside of the solid: skin under clothes, touching limbs
-  int smoothing = 3;  ///< rounds of averaging over the edges of the mesh
+  double thickness = 0.25;  ///< of a bone: the share of its distance to the surface that it fills
+  double sharpness = 2.0;   ///< power of the weights; above 1 the transition at a joint becomes shorter
+  double air = 1e-4;        ///< conduction of the cells around the body, relative to those inside
+  double wall = 0.1;        ///< conduction through a surface inside of the solid: skin under clothes, touching limbs
+  int smoothing = 3;        ///< rounds of averaging over the edges of the mesh
 };
 
 }  // namespace doppel

@@ -120,7 +120,7 @@ void smooth_rows(WeightField& field, const TriangleMesh& mesh, const Seams& seam
   }
 }
 
-void check_input(const std::vector<HeatBone>& bones, const SolidGrid& solid, const HeatOptions& options) {
+void check_input(const std::vector<HeatBone>& bones, const SolidGrid& solid) {
   if (bones.empty()) fail("skinning weights: there are no bones");
   for (const HeatBone& bone : bones) {
     if (bone.segments.empty()) fail("skinning weights: the bone '{}' has no segments", bone.name);
@@ -130,15 +130,13 @@ void check_input(const std::vector<HeatBone>& bones, const SolidGrid& solid, con
   }
   if (std::none_of(solid.inside.begin(), solid.inside.end(), [](std::uint8_t c) { return c != 0; }))
     fail("skinning weights: the solid is empty");
-  if (options.max_bones < 1)
-    fail<UsageError>("skinning weights: a vertex may have {} bones, at least 1 is needed", options.max_bones);
 }
 
 }  // namespace
 
 WeightField heat_field(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
                        const HeatOptions& options) {
-  check_input(bones, solid, options);
+  check_input(bones, solid);
   const Seams seams = find_seams(mesh);
   const std::vector<Eigen::Vector3d> points = reading_points(seams, solid);
   const HeatDomain domain = make_heat_domain(mesh, bones, solid, points, options);

@@ -6,6 +6,9 @@
 
 namespace doppel {
 
+/// What a triangle may stretch in an extreme pose, unless its neighbours stretch as well.
+inline constexpr double kStretchLimit = 3.0;
+
 /// How much each triangle is stretched by a motion of its corners [F]: the larger singular value of its deformation
 /// gradient, the linear map of its plane. 1 for a rigid motion. A triangle that is nearly a line at rest (its height is
 /// below 1 % of its longest edge) has no reliable gradient; it counts with the factor of its longest edge. A triangle

@@ -3,18 +3,17 @@
 #include <algorithm>
 #include <numeric>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
-SparseRow sparse_row(const WeightField& field, int vertex, const HeatOptions& options) {
+SparseRow sparse_row(const WeightField& field, int vertex) {
+  constexpr std::size_t kMaxBones = 6;
+  constexpr double kSmallestWeight = 0.01;
   const auto row = field.row(vertex);
   std::vector<int> order(row.size());
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return row[a] > row[b]; });
   std::size_t count = 1;
-  while (count < order.size() && count < as_size(options.max_bones) && row[order[count]] >= options.smallest_weight)
-    ++count;
+  while (count < order.size() && count < kMaxBones && row[order[count]] >= kSmallestWeight) ++count;
   double total = 0;
   for (std::size_t k = 0; k < count; ++k) total += double{row[order[k]]};
   SparseRow result;
@@ -25,12 +24,11 @@ SparseRow sparse_row(const WeightField& field, int vertex, const HeatOptions& op
   return result;
 }
 
-SkinningWeights sparse_weights(const WeightField& field, const std::vector<std::string>& bones,
-                               const HeatOptions& options) {
+SkinningWeights sparse_weights(const WeightField& field, const std::vector<std::string>& bones) {
   SkinningWeights skin;
   skin.bones = bones;
   for (int v = 0; v < static_cast<int>(field.rows()); ++v) {
-    const SparseRow row = sparse_row(field, v, options);
+    const SparseRow row = sparse_row(field, v);
     skin.vertex_bones.items.insert(skin.vertex_bones.items.end(), row.bones.begin(), row.bones.end());
     skin.weights.insert(skin.weights.end(), row.weights.begin(), row.weights.end());
     skin.vertex_bones.offsets.push_back(static_cast<int>(skin.vertex_bones.items.size()));

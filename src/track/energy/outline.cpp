@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <opencv2/core.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/render/mesh/face_tensor.h"
 #include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/outline/boundary.h"
@@ -26,8 +25,6 @@ struct OutlineFinder::State {
 OutlineFinder::OutlineFinder(const Character& character, std::vector<PinholeCamera> cameras, int pixels, int most)
     : state_(new State{RenderMesh(character.mesh).faces, std::move(cameras), pixels, most}) {}
 OutlineFinder::~OutlineFinder() = default;
-OutlineFinder::OutlineFinder(OutlineFinder&&) noexcept = default;
-OutlineFinder& OutlineFinder::operator=(OutlineFinder&&) noexcept = default;
 
 struct OutlineFinder::Windows {
   std::vector<PinholeCamera> cameras;

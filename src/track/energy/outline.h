@@ -19,8 +19,6 @@ class OutlineFinder {
   ~OutlineFinder();
   OutlineFinder(const OutlineFinder&) = delete;
   OutlineFinder& operator=(const OutlineFinder&) = delete;
-  OutlineFinder(OutlineFinder&&) noexcept;
-  OutlineFinder& operator=(OutlineFinder&&) noexcept;
 
   /// @param vertices [N] world metres
   std::vector<OutlineVertex> find(const FrameEvidence& frame, const std::vector<Eigen::Vector3d>& vertices) const;

@@ -1,6 +1,5 @@
 #include "doppel/track/energy/root_rotation.h"
 
-#include <Eigen/Geometry>
 #include <array>
 #include <cmath>
 #include <limits>

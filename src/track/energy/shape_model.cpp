@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "doppel/character/landmarks.h"
-#include "doppel/core/as_size.h"
 #include "doppel/track/energy/landmark_weight.h"
 
 namespace doppel {

@@ -17,11 +17,10 @@ std::optional<TriangulatedPoint> triangulate(const std::vector<PinholeCamera>& c
 }
 
 std::vector<std::optional<TriangulatedPoint>> triangulate_all(const std::vector<PinholeCamera>& cameras,
-                                                              const FrameEvidence& frame, int num_landmarks,
-                                                              const TriangulationOptions& options) {
+                                                              const FrameEvidence& frame, int num_landmarks) {
   std::vector<std::optional<TriangulatedPoint>> points;
   points.reserve(num_landmarks);
-  for (int m = 0; m < num_landmarks; ++m) points.push_back(triangulate(cameras, frame, m, options));
+  for (int m = 0; m < num_landmarks; ++m) points.push_back(triangulate(cameras, frame, m));
   return points;
 }
 

@@ -17,7 +17,6 @@ std::optional<TriangulatedPoint> triangulate(const std::vector<PinholeCamera>& c
 
 /// All landmarks of a frame, [M].
 std::vector<std::optional<TriangulatedPoint>> triangulate_all(const std::vector<PinholeCamera>& cameras,
-                                                              const FrameEvidence& frame, int num_landmarks,
-                                                              const TriangulationOptions& options = {});
+                                                              const FrameEvidence& frame, int num_landmarks);
 
 }  // namespace doppel

@@ -33,9 +33,8 @@ struct TrackedFrame {
 /// The result of a tracker for one frame. Methods leave fields empty that they do not compute.
 struct FrameResult {
   TrackedFrame pose;
-  Eigen::Matrix3Xd vertices;            ///< [3,N] world metres; in a lost frame those of the last found pose
-  std::vector<double> graph;            ///< [K*6] A and T of each node in turn (5.9)
-  std::vector<TermCost> surface_terms;  ///< of the surface stage
+  Eigen::Matrix3Xd vertices;  ///< [3,N] world metres; in a lost frame those of the last found pose
+  std::vector<double> graph;  ///< [K*6] A and T of each node in turn (5.9)
   double pose_seconds = 0.0, surface_seconds = 0.0;
 };
 

@@ -3,9 +3,7 @@
 #include <fmt/ranges.h>
 
 #include "doppel/core/error.h"
-#include "doppel/data/capture/capture_cameras.h"
 #include "doppel/data/capture/find_capture.h"
-#include "doppel/detect/keypoints/joint_detections.h"
 #include "doppel/detect/keypoints/keypoint_source.h"
 
 namespace doppel {

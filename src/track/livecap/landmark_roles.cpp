@@ -3,6 +3,7 @@
 #include <fmt/ranges.h>
 
 #include "doppel/core/log.h"
+#include "doppel/core/lower_case.h"
 #include "doppel/track/fit/words.h"
 
 namespace doppel {
@@ -13,7 +14,7 @@ LandmarkRoles landmark_roles(const std::vector<Marker>& landmarks) {
   for (const Marker& landmark : landmarks) {
     const std::string name = lower_case(landmark.name);
     const bool shoulder = holds_any(name, {"shoulder"});
-    const bool face = ends_with(name, "ear") || holds_any(name, {"nose", "eye", "chin", "jaw"});
+    const bool face = name.ends_with("ear") || holds_any(name, {"nose", "eye", "chin", "jaw"});
     const bool trunk = face || holds_any(name, {"neck", "head", "hip", "spine", "pelvis", "chest"});
     roles.detection.push_back(face ? 0.326 : 1.0);
     const bool middle = holds_any(name, {"knee", "elbow"});

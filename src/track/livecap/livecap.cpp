@@ -335,7 +335,6 @@ void LivecapTracker::track_surface(const LivecapInput& input, FrameResult& frame
   if (!options_.surface || !frame.pose.found() || input.view.outline.empty()) return;
   NonrigidSurface found = surface_.fit(posed, input.view.outline, input.image);
   frame.vertices = std::move(found.vertices);
-  frame.surface_terms = std::move(found.terms);
   deform_template(surface_.rest_vertices());
 }
 

@@ -3,8 +3,6 @@
 #include <Eigen/Cholesky>
 #include <limits>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 namespace {
 

@@ -7,7 +7,6 @@
 #include <memory>
 
 #include "doppel/character/character_folder.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/clock.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"

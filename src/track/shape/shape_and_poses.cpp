@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "doppel/character/landmarks.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/statistics.h"
 #include "doppel/track/track_task.h"

@@ -12,7 +12,6 @@
 #include "doppel/track/surface/outline_term.h"
 #include "doppel/track/surface/photometric_term.h"
 #include "doppel/track/surface/smoothness_term.h"
-#include "doppel/track/surface/snapping.h"
 #include "doppel/track/surface/surface_problem.h"
 #include "doppel/track/surface/surface_viewer.h"
 #include "doppel/track/surface/target_term.h"
@@ -221,8 +220,8 @@ struct NonrigidStage::State {
   void finish(NonrigidSurface& surface, const FrameEnergy& energy, const PosedSurface& start,
               const OutlineField& outline) {
     if (options.snap) {
-      surface.snapped_vertices = snap_outline(surface.vertices, evidence(energy, start, outline), energy.view.outline,
-                                              topology, rigidity, was_outline, options.snapping);
+      snap_outline(surface.vertices, evidence(energy, start, outline), energy.view.outline, topology, rigidity,
+                   was_outline, options.snapping);
       was_outline.assign(rigidity.size(), 0);
       for (const OutlineVertex& vertex : energy.view.outline) was_outline[vertex.vertex] = 1;
     }
@@ -246,8 +245,6 @@ NonrigidStage::NonrigidStage(const Character& character, const PinholeCamera& ca
   state_ = std::make_unique<State>(character, camera, options);
 }
 NonrigidStage::~NonrigidStage() = default;
-NonrigidStage::NonrigidStage(NonrigidStage&&) noexcept = default;
-NonrigidStage& NonrigidStage::operator=(NonrigidStage&&) noexcept = default;
 
 void NonrigidStage::cut() {
   state_->history.clear();

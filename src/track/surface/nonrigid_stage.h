@@ -58,7 +58,6 @@ struct NonrigidSurface {
   Eigen::Matrix3Xd vertices;    ///< [3,N] world metres
   std::vector<TermCost> terms;  ///< at the end, on the finest level
   int outline_vertices = 0;
-  int snapped_vertices = 0;   ///< outline vertices that were snapped
   int coloured_vertices = 0;  ///< vertices with a photometric residual on the finest level
 };
 
@@ -70,8 +69,6 @@ class NonrigidStage {
   ~NonrigidStage();
   NonrigidStage(const NonrigidStage&) = delete;
   NonrigidStage& operator=(const NonrigidStage&) = delete;
-  NonrigidStage(NonrigidStage&&) noexcept;
-  NonrigidStage& operator=(NonrigidStage&&) noexcept;
 
   /// Fits the next frame. @param posed the skinned template @param outline of the mask, not empty
   /// @param image 8-bit BGR without distortion; empty: colours are not compared

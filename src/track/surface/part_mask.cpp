@@ -7,6 +7,7 @@
 #include <string>
 
 #include "doppel/core/log.h"
+#include "doppel/core/lower_case.h"
 #include "doppel/track/fit/words.h"
 
 namespace doppel {
@@ -17,7 +18,7 @@ constexpr char kNone = static_cast<char>(BodyPart::none), kTorso = static_cast<c
 /// Whether the name contains the whole word, or its first letter alone at the start or the end.
 bool is_of_side(const std::string& name, const std::string& side) {
   const std::string letter = side.substr(0, 1);
-  return name.find(side) != std::string::npos || name.rfind(letter + "_", 0) == 0 || ends_with(name, "_" + letter);
+  return name.find(side) != std::string::npos || name.starts_with(letter + "_") || name.ends_with("_" + letter);
 }
 
 char part_of_bone(const std::string& name) {

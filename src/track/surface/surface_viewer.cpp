@@ -82,8 +82,6 @@ struct SurfaceViewer::State {
 SurfaceViewer::SurfaceViewer(const Character& character, const PinholeCamera& camera, int pixels)
     : state_(new State(character, camera, pixels)) {}
 SurfaceViewer::~SurfaceViewer() = default;
-SurfaceViewer::SurfaceViewer(SurfaceViewer&&) noexcept = default;
-SurfaceViewer& SurfaceViewer::operator=(SurfaceViewer&&) noexcept = default;
 
 const std::vector<char>& SurfaceViewer::vertex_parts() const { return state_->vertex_parts; }
 

@@ -26,8 +26,6 @@ class SurfaceViewer {
   ~SurfaceViewer();
   SurfaceViewer(const SurfaceViewer&) = delete;
   SurfaceViewer& operator=(const SurfaceViewer&) = delete;
-  SurfaceViewer(SurfaceViewer&&) noexcept;
-  SurfaceViewer& operator=(SurfaceViewer&&) noexcept;
 
   const std::vector<char>& vertex_parts() const;  ///< [N] `body_parts`
   /// @param window of the image; vertices outside of it are neither visible nor on the outline

@@ -7,7 +7,6 @@
 #include <torch/script.h>
 
 #include "doppel/actor/export/script_file.h"
-#include "doppel/core/error.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 

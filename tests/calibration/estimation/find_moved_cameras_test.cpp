@@ -42,7 +42,6 @@ TEST(FindMovedCameras, NamesCameraAndFrame) {
     EXPECT_NEAR(found[0].rotation * 180.0 / M_PI, 1.0, 0.15);
     EXPECT_LT((found[0].after.centre() - after.centre()).norm(), 0.01);
     EXPECT_LT((found[0].before.centre() - cameras[1].centre()).norm(), 0.01);
-    EXPECT_LT(found[0].residual_two_poses, 0.8 * found[0].residual_one_pose);
   }
 }
 

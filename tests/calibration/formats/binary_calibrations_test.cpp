@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "calibration/formats/binary_writers.h"
+#include "calibration/formats/source_of.h"
 #include "doppel/calibration/formats/format.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
@@ -30,12 +31,6 @@ using ::testing::SizeIs;
 constexpr double kTolerance = 1e-9;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-CalibrationSource source_of(const std::filesystem::path& path) {
-  CalibrationSource source{path, "", std::filesystem::is_directory(path)};
-  if (!source.is_folder) source.head = read_file(path).substr(0, 16 << 10);
-  return source;
-}
-
 Calibration read_with(const std::unique_ptr<CalibrationFormat>& format, const std::filesystem::path& path) {
   return format->read({path, "", std::filesystem::is_directory(path)});
 }
@@ -43,12 +38,6 @@ Calibration read_with(const std::unique_ptr<CalibrationFormat>& format, const st
 Calibration read_colmap(const std::filesystem::path& path) { return read_with(make_colmap_calibration(), path); }
 Calibration read_zju(const std::filesystem::path& path) { return read_with(make_zju_calibration(), path); }
 Calibration read_opencap(const std::filesystem::path& path) { return read_with(make_opencap_calibration(), path); }
-
-std::vector<std::string> names_of(const Calibration& calibration) {
-  std::vector<std::string> names;
-  for (const Camera& camera : calibration.cameras) names.push_back(camera.name);
-  return names;
-}
 
 // COLMAP. The quaternion (0.5, 0.5, 0.5, 0.5) turns x to y, y to z and z to x, so that a camera sees the world point
 // (a, b, c) at (c, a, b) + t.

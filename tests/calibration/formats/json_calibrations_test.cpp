@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "calibration/formats/source_of.h"
 #include "doppel/calibration/formats/format.h"
 #include "doppel/core/error.h"
 #include "support/hostile_files.h"
@@ -19,20 +20,13 @@ namespace {
 
 namespace fs = std::filesystem;
 using support::message_of;
+using support::names_of;
+using support::source_of;
 using support::TemporaryFolder;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using Json = nlohmann::json;
 using Maker = std::unique_ptr<CalibrationFormat> (*)();
-
-CalibrationSource source_of(const std::filesystem::path& path) {
-  constexpr std::streamsize kHead = 16 << 10;
-  CalibrationSource source{path, std::string(kHead, '\0'), false};
-  std::ifstream file(path, std::ios::binary);
-  file.read(source.head.data(), kHead);
-  source.head.resize(static_cast<std::size_t>(file.gcount()));
-  return source;
-}
 
 /// Files of one format in a folder of their own.
 class Files {
@@ -59,12 +53,6 @@ class Files {
   TemporaryFolder folder_;
   std::unique_ptr<CalibrationFormat> format_;
 };
-
-std::vector<std::string> names_of(const Calibration& calibration) {
-  std::vector<std::string> names;
-  for (const Camera& camera : calibration.cameras) names.push_back(camera.name);
-  return names;
-}
 
 /// The pixel of a point (right, down, forward) of a camera by OpenCV's model with five coefficients.
 Eigen::Vector2d pixel_of(const Eigen::Vector3d& p, const Eigen::Vector4d& K, const std::array<double, 5>& k) {

@@ -6,9 +6,9 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <fstream>
 #include <functional>
 
+#include "calibration/formats/source_of.h"
 #include "doppel/calibration/formats/camera_parts.h"
 #include "doppel/calibration/formats/format.h"
 #include "doppel/core/error.h"
@@ -21,7 +21,9 @@ namespace {
 
 namespace fs = std::filesystem;
 using support::message_of;
+using support::names_of;
 using support::replaced;
+using support::source_of;
 using support::TemporaryFolder;
 using support::write_bytes;
 using ::testing::ElementsAre;
@@ -29,17 +31,6 @@ using ::testing::HasSubstr;
 using Format = std::unique_ptr<CalibrationFormat>;
 
 constexpr double kExact = 1e-12;
-
-CalibrationSource source_of(const fs::path& path) {
-  CalibrationSource source;
-  source.path = path;
-  source.is_folder = fs::is_directory(path);
-  if (source.is_folder) return source;
-  std::ifstream file(path, std::ios::binary);
-  source.head.assign(std::istreambuf_iterator<char>(file), {});
-  source.head.resize(std::min<std::size_t>(source.head.size(), 16 << 10));
-  return source;
-}
 
 Calibration read(const Format& format, const fs::path& path) { return format->read(source_of(path)); }
 
@@ -81,12 +72,6 @@ Eigen::Vector2d fisheye_pixel(const std::array<double, 4>& K, const std::array<d
 void expect_near(const Eigen::Vector2d& found, const Eigen::Vector2d& expected) {
   EXPECT_NEAR(found.x(), expected.x(), 1e-9);
   EXPECT_NEAR(found.y(), expected.y(), 1e-9);
-}
-
-std::vector<std::string> names_of(const Calibration& calibration) {
-  std::vector<std::string> names;
-  for (const Camera& camera : calibration.cameras) names.push_back(camera.name);
-  return names;
 }
 
 /// Two cameras with all that a format of OpenCV's lens can hold: skew, 5 coefficients, any rotation.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 
+#include "calibration/formats/source_of.h"
 #include "doppel/calibration/formats/format.h"
 #include "doppel/calibration/formats/inverse_lens.h"
 #include "doppel/calibration/formats/relative_intrinsics.h"
@@ -22,6 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using support::message_of;
 using support::replaced;
+using support::source_of;
 using support::TemporaryFolder;
 using ::testing::Contains;
 using ::testing::HasSubstr;
@@ -31,15 +33,6 @@ using Maker = std::unique_ptr<CalibrationFormat> (*)();
 
 const Maker kMakers[] = {make_qualisys_calibration,  make_vicon_calibration,          make_optitrack_calibration,
                          make_metashape_calibration, make_realitycapture_calibration, make_captury_calibration};
-
-CalibrationSource source_of(const fs::path& path) {
-  if (fs::is_directory(path)) return {path, "", true};
-  std::ifstream file(path, std::ios::binary);
-  CalibrationSource source{path, std::string(16384, '\0'), false};
-  file.read(source.head.data(), 16384);
-  source.head.resize(static_cast<std::size_t>(std::max<std::streamsize>(0, file.gcount())));
-  return source;
-}
 
 Calibration read(Maker make, const fs::path& path) { return make()->read(source_of(path)); }
 

@@ -78,12 +78,7 @@ class CaptureFile {
   fs::path path() const { return folder_ / "capture.yaml"; }
   Capture read() const { return read_capture(folder_.path()); }
   std::string error() const {
-    try {
-      read();
-    } catch (const Error& e) {
-      return e.what();
-    }
-    return "";
+    return message_of<Error>([&] { read(); });
   }
 
  private:
@@ -365,14 +360,7 @@ TEST(LayoutReference, RecognisesDynaCapWithAndWithoutPadding) {
 TEST(LayoutRejects, SaysWhatIsMissing) {
   const support::TemporaryFolder folder;
   EXPECT_FALSE(recognise_capture(folder.path()).has_value());
-  const auto error = [&] {
-    try {
-      find_capture(folder.path());
-    } catch (const Error& e) {
-      return std::string(e.what());
-    }
-    return std::string();
-  };
+  const auto error = [&] { return message_of<Error>([&] { find_capture(folder.path()); }); };
   EXPECT_THAT(error(), HasSubstr("capture.yaml"));
   touch(folder / "training/videos/stream000.mp4");
   touch(folder / "training/foregroundSegmentation/stream000.mp4");
@@ -383,13 +371,13 @@ TEST(LayoutRejects, SaysWhatIsMissing) {
   fs::remove(folder / "b.calibration");
   EXPECT_THAT(error(), HasSubstr("character"));
   touch(folder / "x/y/z.character");
-  EXPECT_EQ(error(), "");
+  EXPECT_EQ(error(), "nothing was thrown");
   EXPECT_EQ(find_capture(folder.path()).sequences[0].motion, "") << "poses may still have to be tracked";
   touch(folder / "training/a/poseAngles.motion");
   touch(folder / "training/b/poseAngles.motion");
   EXPECT_THAT(error(), HasSubstr("several poses"));
   fs::remove_all(folder / "training/a");
-  EXPECT_EQ(error(), "");
+  EXPECT_EQ(error(), "nothing was thrown");
   EXPECT_EQ(find_capture(folder.path()).sequences[0].motion, "training/b/poseAngles.motion");
   touch(folder / "training/frames.csv", "frame,segment\n0,0\n5,0\n");
   EXPECT_THAT(error(), HasSubstr("frames.csv:3"));

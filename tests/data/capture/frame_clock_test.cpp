@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include "data/capture/capture_fixture.h"
-#include "doppel/core/atomic_file.h"
 #include "doppel/data/capture/evidence.h"
 #include "doppel/data/capture/fractional_frames.h"
 #include "doppel/data/capture/video.h"

@@ -11,6 +11,7 @@
 #include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/data/capture/filmed_sequence.h"
 #include "doppel/data/capture/person_tracks.h"
 #include "doppel/detect/keypoints/keypoint_map.h"
 #include "support/hostile_files.h"
@@ -148,7 +149,7 @@ class TwoPeopleOnDisk {
 TEST(PersonTracks, AreTheChosenPersonsPointsInFramesOfEachVideo) {
   const TwoPeopleOnDisk files("person: {near: [0.5, 1, 0]}\n");
   const Capture capture = files.capture();
-  const PointTracks tracks = read_person_tracks(capture, capture.sequences.at(0));
+  const PointTracks tracks = read_person_tracks(capture, capture.sequences.at(0), filmed_cameras(capture));
   EXPECT_EQ(tracks.points, layout().points) << "25 points, told from BODY_25B by the limbs";
   ASSERT_EQ(tracks.num_cameras(), kCameras);
   const std::vector<Camera> cameras = test_keypoints::camera_ring(kCameras);
@@ -174,10 +175,11 @@ TEST(PersonTracks, AreTheChosenPersonsPointsInFramesOfEachVideo) {
 TEST(PersonTracks, NeedFilesAndAPersonWhoIsThere) {
   const TwoPeopleOnDisk files("person: 7\n");
   Capture capture = files.capture();
-  EXPECT_THAT(message_of<UsageError>([&] { read_person_tracks(capture, capture.sequences[0]); }),
-              HasSubstr("person 7 was asked for, and 2 people were found"));
+  EXPECT_THAT(
+      message_of<UsageError>([&] { read_person_tracks(capture, capture.sequences[0], filmed_cameras(capture)); }),
+      HasSubstr("person 7 was asked for, and 2 people were found"));
   capture.sequences[0].keypoints = CameraPaths();
-  EXPECT_THAT(message_of<Error>([&] { read_person_tracks(capture, capture.sequences[0]); }),
+  EXPECT_THAT(message_of<Error>([&] { read_person_tracks(capture, capture.sequences[0], filmed_cameras(capture)); }),
               HasSubstr("doppel detect"));
 }
 

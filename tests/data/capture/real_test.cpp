@@ -180,7 +180,7 @@ TEST_F(RealData, PreparesTheWildClipWithoutMasksAndMotion) {
   RecordProperty("iou_of_neighbouring_frames", std::to_string(overlap));
   EXPECT_GT(on_mask, 0.97);
   EXPECT_GT(overlap, 0.93);
-  const Batch batch = make_batch(dataset, {{0, 25}}, {{0}}, 2);
+  const Batch batch = make_batch(dataset, {{0, 25}}, {{0}}, {2});
   EXPECT_FALSE(batch.dofs.defined());
   EXPECT_TRUE(batch.valid.all().item<bool>());
 }

@@ -7,7 +7,6 @@
 #include <set>
 
 #include "data/capture/capture_fixture.h"
-#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/data/dataset/studio_crops.h"
@@ -96,7 +95,6 @@ TEST_F(LoaderReference, EveryEpochVisitsEveryFrameOnce) {
   LoaderOptions chosen = options();
   chosen.batch_size = 4;
   Loader loader(*dataset_, chosen);
-  EXPECT_EQ(loader.num_samples(), 12);
   std::vector<std::vector<std::int64_t>> orders;
   for (int epoch = 0; epoch < 2; ++epoch) {
     std::vector<std::int64_t> order;
@@ -108,7 +106,6 @@ TEST_F(LoaderReference, EveryEpochVisitsEveryFrameOnce) {
     orders.push_back(order);
   }
   EXPECT_NE(orders[0], orders[1]);
-  EXPECT_DOUBLE_EQ(loader.epoch(), 2.0);
 }
 
 TEST_F(LoaderReference, DrawsDifferentCamerasWithoutRepetition) {
@@ -430,14 +427,14 @@ TEST_F(LoaderRejects, OptionsThatMakeNoSense) {
 }
 
 TEST_F(LoaderReference, MakeBatchGivesWhatWasAskedFor) {
-  const Batch batch = make_batch(*dataset_, {{1, 2}, {0, 7}}, {{1, 0}, {2, 2}}, 1);
+  const Batch batch = make_batch(*dataset_, {{1, 2}, {0, 7}}, {{1, 0}, {2, 2}}, {1});
   EXPECT_EQ(batch.frames[1].item<std::int64_t>(), 7);
   EXPECT_EQ(batch.sequence[0].item<std::int64_t>(), 1);
   EXPECT_EQ(batch.cameras[0][0].item<std::int64_t>(), 1);
   EXPECT_TRUE(torch::equal(batch.distance[1][0], batch.distance[1][1]));
   EXPECT_EQ(batch.dofs.size(1), 2);
-  EXPECT_THROW(make_batch(*dataset_, {}, {}, 2), UsageError);
-  EXPECT_THROW(make_batch(*dataset_, {{0, 1}, {0, 2}}, {{0}, {0, 1}}, 2), UsageError);
+  EXPECT_THROW(make_batch(*dataset_, {}, {}, {2}), UsageError);
+  EXPECT_THROW(make_batch(*dataset_, {{0, 1}, {0, 2}}, {{0}, {0, 1}}, {2}), UsageError);
 }
 
 // An error in a worker reaches the caller, and the loader can be taken down afterwards.

@@ -7,7 +7,6 @@
 
 #include "data/doctor/planted_faults.h"
 #include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/synth/synth.h"
 #include "support/temporary_folder.h"
 
@@ -17,14 +16,6 @@ namespace {
 using namespace planted;
 using support::TemporaryFolder;
 using ::testing::HasSubstr;
-
-/// What was found, for messages.
-std::string told(const Examination& examination) {
-  std::string text = to_string(examination.verdict());
-  for (const Finding& finding : examination.findings)
-    text += "\n  " + finding.camera + " " + finding.fault + " (" + to_string(finding.severity) + "): " + finding.figure;
-  return text;
-}
 
 bool names(const Examination& examination, const std::string& camera, const std::string& fault) {
   return std::any_of(examination.findings.begin(), examination.findings.end(), [&](const Finding& finding) {

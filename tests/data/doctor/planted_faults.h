@@ -20,10 +20,19 @@
 #include "doppel/data/capture/capture_cameras.h"
 #include "doppel/data/capture/video.h"
 #include "doppel/data/capture/video_file.h"
+#include "doppel/data/doctor/doctor.h"
 
 namespace doppel::planted {
 
 namespace fs = std::filesystem;
+
+/// What was found, for messages.
+inline std::string told(const Examination& examination) {
+  std::string text = to_string(examination.verdict());
+  for (const Finding& finding : examination.findings)
+    text += "\n  " + finding.camera + " " + finding.fault + " (" + to_string(finding.severity) + "): " + finding.figure;
+  return text;
+}
 
 /// A capture whose files may be changed.
 struct Patient {

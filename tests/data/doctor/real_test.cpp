@@ -16,13 +16,6 @@ namespace {
 using namespace planted;
 using support::TemporaryFolder;
 
-std::string findings_of(const Examination& examination) {
-  std::string text = to_string(examination.verdict());
-  for (const Finding& finding : examination.findings)
-    text += "\n  " + finding.camera + " " + finding.fault + " (" + to_string(finding.severity) + "): " + finding.figure;
-  return text;
-}
-
 class RealDoctor : public support::SharedFolderTest {
  protected:
   /// Links to all files of a capture, with a capture.yaml of its own.
@@ -47,10 +40,10 @@ class RealDoctor : public support::SharedFolderTest {
         std::any_of(examination.findings.begin(), examination.findings.end(), [&](const Finding& finding) {
           return finding.camera == camera && finding.fault == fault && finding.severity == Severity::fault;
         });
-    EXPECT_TRUE(named) << camera << " " << fault << ": " << findings_of(examination);
+    EXPECT_TRUE(named) << camera << " " << fault << ": " << told(examination);
     for (const Finding& finding : examination.findings)
       EXPECT_TRUE(finding.severity != Severity::fault || finding.camera == camera || fault == "swapped_cameras")
-          << findings_of(examination);
+          << told(examination);
   }
 
   TemporaryFolder folder_;
@@ -59,13 +52,13 @@ class RealDoctor : public support::SharedFolderTest {
 TEST_F(RealDoctor, TheStudioIsHealthy) {
   const Patient patient = patient_of("s22");
   const Examination examination = examine_capture(read_capture(patient.folder));
-  EXPECT_EQ(findings_of(examination), "healthy");
+  EXPECT_EQ(told(examination), "healthy");
 }
 
 TEST_F(RealDoctor, RealFootageIsHealthy) {
   const Patient patient = patient_of("p2s");
   const Examination examination = examine_capture(read_capture(patient.folder));
-  EXPECT_EQ(examination.verdict(), Verdict::healthy) << findings_of(examination);
+  EXPECT_EQ(examination.verdict(), Verdict::healthy) << told(examination);
 }
 
 struct RealPlanted {

@@ -6,7 +6,6 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "doppel/core/atomic_file.h"
 #include "doppel/core/child_process.h"
 #include "doppel/core/error.h"
 #include "support/message_of.h"

@@ -5,7 +5,6 @@
 #include <numeric>
 #include <opencv2/dnn.hpp>
 
-#include "doppel/core/as_size.h"
 #include "support/hostile_files.h"
 #include "support/onnx_file.h"
 

@@ -6,7 +6,6 @@
 #include <map>
 
 #include "doppel/character/bvh.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/io/motion_import/read_motion_file.h"
 #include "support/message_of.h"

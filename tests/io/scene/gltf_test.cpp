@@ -28,12 +28,7 @@ class Gltf : public ::testing::Test {
     return read_scene(path_);
   }
   std::string error_of(const GltfWriter& file) {
-    try {
-      read(file);
-    } catch (const FileError& e) {
-      return e.what();
-    }
-    return "no error";
+    return support::message_of<FileError>([&] { read(file); });
   }
   static Eigen::Vector3d tip(const Scene& scene, double seconds) {
     return posed_vertices(scene, node_transforms(scene, scene.animations.at(0), seconds)).back();

@@ -13,7 +13,6 @@
 #include <map>
 #include <set>
 
-#include "doppel/core/error.h"
 #include "doppel/io/vmc/vmc_sender.h"
 #include "doppel/rigging/body/body_model.h"
 #include "doppel/rigging/body/measures.h"

@@ -13,10 +13,12 @@
 #include "doppel/render/projection.h"
 #include "render/shading_scene.h"
 #include "support/gradient_check.h"
+#include "support/message_of.h"
 
 namespace doppel::shading_test {
 namespace {
 
+using support::message_of;
 using test::ShadingScene;
 using torch::Tensor;
 
@@ -440,21 +442,11 @@ TEST(ShadingRecovers, AShiftedWallFromItsColoursAlone) {
 
 // --- bad input -------------------------------------------------------------------------------------------------------
 
-template <typename F>
-std::string message_of(const F& f) {
-  try {
-    f();
-  } catch (const UsageError& e) {
-    return e.what();
-  }
-  return "no error";
-}
-
 TEST(ShadingRejects, WhatDoesNotFitAndSaysWhat) {
   using testing::HasSubstr;
   const ShadingScene s = test::shading_scene(2, 3, 20, 20).to(torch::kFloat32);
   const auto with = [&](const std::function<void(ShadingScene&)>& change) {
-    return message_of([&] {
+    return message_of<UsageError>([&] {
       ShadingScene t = s;
       change(t);
       draw(t);
@@ -479,26 +471,27 @@ TEST(ShadingRejects, WhatDoesNotFitAndSaysWhat) {
               }),
               testing::AllOf(HasSubstr("item 1, camera 2"), HasSubstr("no camera centre")));
   const Tensor target = torch::zeros({2, 3, 20, 20, 3});
-  EXPECT_THAT(message_of([&] { target_on_surface(s.vertices, s.projection, s.mesh, target[0]); }),
+  EXPECT_THAT(message_of<UsageError>([&] { target_on_surface(s.vertices, s.projection, s.mesh, target[0]); }),
               HasSubstr("target must be"));
-  EXPECT_THAT(message_of([&] { target_on_surface(s.vertices, s.projection, s.mesh, target, 0); }), HasSubstr("radius"));
+  EXPECT_THAT(message_of<UsageError>([&] { target_on_surface(s.vertices, s.projection, s.mesh, target, 0); }),
+              HasSubstr("radius"));
   const ShadedImage other = draw(test::shading_scene(2, 3, 30, 20).to(torch::kFloat32));
-  EXPECT_THAT(message_of([&] { target_on_surface(s.vertices, s.projection, s.mesh, target, {}, &other); }),
+  EXPECT_THAT(message_of<UsageError>([&] { target_on_surface(s.vertices, s.projection, s.mesh, target, {}, &other); }),
               HasSubstr("same views"));
 }
 
 TEST(RenderMeshRejects, WhatDoesNotFit) {
   using testing::HasSubstr;
   const Tensor faces = torch::tensor({0, 1, 2}, torch::kInt32).reshape({1, 3});
-  EXPECT_THAT(message_of([&] { RenderMesh(faces, {}, 2); }), HasSubstr("vertex 2"));
-  EXPECT_THAT(message_of([&] { RenderMesh(faces, torch::zeros({2, 3, 2}), 3); }), HasSubstr("corner_uvs"));
+  EXPECT_THAT(message_of<UsageError>([&] { RenderMesh(faces, {}, 2); }), HasSubstr("vertex 2"));
+  EXPECT_THAT(message_of<UsageError>([&] { RenderMesh(faces, torch::zeros({2, 3, 2}), 3); }), HasSubstr("corner_uvs"));
   TriangleMesh mesh;
   mesh.vertices.resize(3);
   mesh.faces = {{0, 1, 2}};
   mesh.face_uvs = {{0, 1, 7}};
   mesh.uvs.resize(3);
-  EXPECT_THAT(message_of([&] { RenderMesh render_mesh(mesh); }), HasSubstr("UV 7"));
-  EXPECT_THAT(message_of([&] { texture_tensor(mesh); }), HasSubstr("no texture"));
+  EXPECT_THAT(message_of<UsageError>([&] { RenderMesh render_mesh(mesh); }), HasSubstr("UV 7"));
+  EXPECT_THAT(message_of<UsageError>([&] { texture_tensor(mesh); }), HasSubstr("no texture"));
 }
 
 TEST(RenderMesh, ReadsTheTextureAsRgbFromTheTop) {

@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include "doppel/core/error.h"
 #include "rigging/plain_body.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"

@@ -31,7 +31,7 @@ class ATornArm : public ::testing::Test {
 TEST_F(ATornArm, IsSmoothedWhereItIsTorn) {
   ASSERT_GT(lone(arm_.character), 0);
   const SkinningWeights before = arm_.character.skin;
-  set_smooth_skin(arm_.character, arm_.field, HeatOptions(), 3.0);
+  set_smooth_skin(arm_.character, arm_.field);
   EXPECT_EQ(lone(arm_.character), 0);
   // Far from the torn vertex nothing changes.
   for (int v = 0; v < 20 * support::kTubeCorners; ++v) {
@@ -52,7 +52,7 @@ TEST_F(ATornArm, KeepsEqualWeightsAtOnePosition) {
       if (v == kTorn && copied++ < 3) v = copy;
   arm_.field.conservativeResize(copy + 1, Eigen::NoChange);
   arm_.field.row(copy) = arm_.field.row(kTorn);
-  set_smooth_skin(arm_.character, arm_.field, HeatOptions(), 3.0);
+  set_smooth_skin(arm_.character, arm_.field);
   const auto& skin = arm_.character.skin;
   const auto row = skin.vertex_bones.row_of(skin.weights, copy), twin = skin.vertex_bones.row_of(skin.weights, kTorn);
   EXPECT_TRUE(std::equal(row.begin(), row.end(), twin.begin(), twin.end()));
@@ -63,7 +63,7 @@ TEST(SmoothSkin, WithoutLoneTrianglesIsTheField) {
   BentArm arm(0.0);
   ASSERT_EQ(lone(arm.character), 0);
   const SkinningWeights before = arm.character.skin;
-  set_smooth_skin(arm.character, arm.field, HeatOptions(), 3.0);
+  set_smooth_skin(arm.character, arm.field);
   EXPECT_EQ(arm.character.skin.weights, before.weights);
   EXPECT_EQ(arm.character.skin.vertex_bones.items, before.vertex_bones.items);
 }

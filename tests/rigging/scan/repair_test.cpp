@@ -183,14 +183,6 @@ TEST(Repair, LargeOpeningsStayOpen) {
   EXPECT_EQ(repaired.report.open_borders, 1);
 }
 
-TEST(Repair, SourceVerticesNameTheInput) {
-  const TriangleMesh soup = soup_of(make_sphere(2));
-  const RepairedMesh repaired = repair(soup);
-  ASSERT_EQ(repaired.source_vertices.size(), repaired.mesh.vertices.size());
-  for (std::size_t v = 0; v < repaired.mesh.vertices.size(); ++v)
-    EXPECT_EQ(repaired.mesh.vertices[v], soup.vertices[repaired.source_vertices[v]]);
-}
-
 TEST(Repair, TellsWhatIsWrongWithItsInput) {
   EXPECT_THAT(message_of<UsageError>([] {
                 TriangleMesh points;

@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 
 #include "doppel/character/blend_skin.h"
-#include "doppel/core/error.h"
 #include "doppel/rigging/joints/limb_piece.h"
 #include "doppel/rigging/joints/sticking.h"
 #include "doppel/rigging/weights/stretch.h"

@@ -33,11 +33,10 @@ std::function<bool(const Vector3d&)> within_cylinder(double from, double to, dou
 }
 
 /// The weights that a character keeps of the field.
-SkinningWeights heat_weights(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
-                             const HeatOptions& options = {}) {
+SkinningWeights heat_weights(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid) {
   std::vector<std::string> names;
   for (const HeatBone& bone : bones) names.push_back(bone.name);
-  return sparse_weights(heat_field(mesh, bones, solid, options), names, options);
+  return sparse_weights(heat_field(mesh, bones, solid), names);
 }
 
 double weight_of(const SkinningWeights& skin, int vertex, int bone) {
@@ -167,18 +166,12 @@ TEST(HeatWeights, HolesAndSeamsDoNotShow) {
     EXPECT_NEAR(weight_of(skin, v, 1), weight_of(complete, v, 1), 0.02) << v;
 }
 
-TEST(HeatWeights, ABlendHasNoMoreBonesThanAllowed) {
-  std::vector<HeatBone> bones;
-  for (int i = 0; i < 10; ++i)
-    bones.push_back({std::to_string(i), {{Vector3d(-0.05 + 0.01 * i, 0, 0), Vector3d(-0.04 + 0.01 * i, 0, 0)}}});
-  HeatOptions options;
-  options.max_bones = 4;
-  const SkinningWeights skin = heat_weights(
-      cylinder(-0.06, 0.06, kRadius), bones,
-      solid_of({-0.08, -0.08, -0.08}, {0.08, 0.08, 0.08}, 0.01, within_cylinder(-0.06, 0.06, kRadius)), options);
-  int most = 0;
-  for (int v = 0; v < skin.num_vertices(); ++v) most = std::max(most, skin.vertex_bones.size(v));
-  EXPECT_EQ(most, 4);
+TEST(HeatWeights, ABlendHasTheSixLargestWeightsOfAHundredthAndMore) {
+  WeightField field(2, 8);
+  field << 0.05F, 0.1F, 0.1F, 0.1F, 0.1F, 0.1F, 0.1F, 0.35F, 0, 0, 0, 0, 0, 0.5F, 0.495F, 0.005F;
+  const SkinningWeights skin = sparse_weights(field, {"a", "b", "c", "d", "e", "f", "g", "h"});
+  EXPECT_EQ(skin.vertex_bones.items, (std::vector<int>{7, 1, 2, 3, 4, 5, 5, 6}));
+  EXPECT_NEAR(skin.weights[0], 0.35 / 0.85, 1e-6);
 }
 
 TEST(HeatWeights, RefusesNothingToHeat) {

@@ -1,6 +1,5 @@
 #include "doppel/track/energy/terms/level_term.h"
 
-#include "doppel/core/as_size.h"
 #include "doppel/track/energy/terms/silhouette_term.h"
 #include "track/energy/body_fixture.h"
 #include "track/energy/term_check.h"

@@ -2,7 +2,6 @@
 
 #include <fstream>
 
-#include "doppel/core/as_size.h"
 #include "doppel/rigging/body/body_shapes.h"
 #include "doppel/rigging/body/measures.h"
 #include "doppel/track/shape/fit_character.h"

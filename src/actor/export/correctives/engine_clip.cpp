@@ -123,7 +123,7 @@ class EngineClipWriter : public SequenceWriter {
     EngineClipError error;
     error.name = part.name;
     error.unseen = options_.unseen[c];
-    const CorrectiveShapes& shapes = fitted.shapes;
+    const LinearShapes& shapes = fitted.shapes;
     for (int f = error.unseen ? 0 : fitted_frames(part.frames); f < part.frames; ++f) {
       const int t = part.first + f;
       const std::vector<float>& vertices = frames_.clip.vertices[as_size(t)];

@@ -107,7 +107,7 @@ class CorrectiveFit {
       columns.middleCols(static_cast<Eigen::Index>(used + i), static_cast<Eigen::Index>(count)) = displacements(
           {windows.begin() + static_cast<std::ptrdiff_t>(i), windows.begin() + static_cast<std::ptrdiff_t>(i + count)});
     }
-    result_.shapes = corrective_shapes(std::move(columns), options_.shapes);
+    result_.shapes = linear_shapes(std::move(columns), options_.shapes);
     if (result_.shapes.components.cols() == 0)
       fail(
           "fitting correctives: the surface of the actor is its skin in every pose, so there is nothing to correct; "

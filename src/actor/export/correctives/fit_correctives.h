@@ -35,7 +35,7 @@ struct CorrectiveFitOptions {
 
 /// Shapes, and the function of their weights.
 struct FittedCorrectives {
-  CorrectiveShapes shapes;
+  LinearShapes shapes;
   CorrectiveFunction function;  ///< its weights are 0 to 1
   Eigen::VectorXf low, high;    ///< [K] metres: the weights of the components that 0 and 1 stand for
 };

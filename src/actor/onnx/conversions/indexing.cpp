@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "doppel/actor/onnx/conversion.h"
-#include "doppel/core/error.h"
 
 namespace doppel {
 namespace {

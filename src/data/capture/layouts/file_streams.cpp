@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "doppel/core/lower_case.h"
 #include "doppel/data/capture/layouts/name_words.h"
 #include "doppel/detect/keypoints/frame_names.h"
 
@@ -22,10 +23,7 @@ constexpr std::size_t kMaxTimeDigits = 20;   // nanoseconds since 1970 have 19
 std::string lowered_extension(const std::string& path) {
   const std::size_t dot = path.rfind('.'), slash = path.rfind('/');
   if (dot == std::string::npos || (slash != std::string::npos && dot < slash)) return "";
-  std::string extension = path.substr(dot + 1);
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return extension;
+  return lower_case(path.substr(dot + 1));
 }
 
 /// A path whose file name, up to the extension, is cut into texts and runs of digits: text, digits, ..., text.
