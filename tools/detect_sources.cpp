@@ -17,12 +17,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Lower-case extensions of still images.
+/// The names of the images in a folder, sorted.
 std::vector<std::string> images_of(const fs::path& folder) {
   std::vector<std::string> names;
-  for (const auto& entry : fs::directory_iterator(folder)) {
+  for (const auto& entry : fs::directory_iterator(folder))
     if (entry.is_regular_file() && is_image(entry.path())) names.push_back(entry.path().filename().string());
-  }
   std::sort(names.begin(), names.end());
   return names;
 }

@@ -32,7 +32,10 @@ inline std::string millimetre_text(double metres) {
   return exact_text(nearest);
 }
 
-/// Reads the first line. @param what the kind of file @param words of its header in all versions
+/// Reads the first line, which must be `header`. @param what the kind of file, for messages
+/// @param words that the headers of all versions hold: with them, the message names another version, and not another
+///   kind of file
+/// @throws FileError at the line
 inline void require_version(TextReader& reader, std::string_view header, const char* what, std::string_view words) {
   reader.require_line("the header");
   if (reader.line() == header) return;

@@ -58,7 +58,8 @@ class CaptureStage : public Stage {
       const torch::Tensor& faces, const std::string& legend,
       const std::function<std::pair<torch::Tensor, torch::Tensor>(const SampleId&)>& surfaces) const;
   /// A sheet of images (ImageSheet) for each split that has frames.
-  /// @param content of a row of the sheet @param drawings of a batch of one frame and camera
+  /// @param name of the images: NAME-SPLIT @param content of a row of the sheet @param drawings of a batch of one frame
+  /// and camera
   std::vector<ReportImage> drawn_images(const std::string& name, const std::string& content,
                                         const std::function<std::vector<ShadedImage>(const Batch&)>& drawings) const;
 

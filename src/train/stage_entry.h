@@ -3,7 +3,9 @@
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "doppel/actor/trained_pose.h"
@@ -30,6 +32,7 @@ struct StageEntry {
 
   /// Reads all options of the stage to find errors. @throws FileError at the key
   void (*check_options)(const ConfigDocument& document);
+  /// Trains the stage.
   std::function<TrainSummary(const StageTask& task)> train;
   /// Adds rows about the stage's network to an evaluation; null: none.
   void (*evaluate)(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows) = nullptr;

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <iostream>
 #include <random>
 
@@ -156,7 +157,14 @@ TEST_F(RealPlacement, ImprovesDisturbedJointsAndKeepsGoodOnes) {
         BodyJoints joints = body.joints;
         for (auto& entry : joints.positions)
           entry.second += noise * Vector3d(normal(random), normal(random), normal(random)).normalized();
+        const auto num_outside = [&] {
+          return std::ranges::count_if(body_joint_names(), [&](const std::string& name) {
+            return joints.has(name) && !body.solid.is_inside(joints.at(name));
+          });
+        };
+        const auto outside_before = num_outside();
         move_inside(joints, body.solid);
+        EXPECT_LE(num_outside(), outside_before);
         for (const std::string part : {"elbow", "wrist", "knee", "ankle"})
           for (const std::string side : {"left_", "right_"})
             errors[noise].push_back((joints.at(side + part) - body.joints.at(side + part)).norm());

@@ -109,17 +109,17 @@ FoundJoints find_joints(const TriangleMesh& mesh, const BodyPointsOptions& optio
 }
 
 cv::Mat draw_joint_sheet(const std::vector<ScanView>& views, const BodyJoints& joints) {
-  constexpr int columns = 4;
+  constexpr int kColumns = 4;
   if (views.empty()) return {};
-  const int shown = std::min<int>(2 * columns, static_cast<int>(views.size()));
+  const int shown = std::min<int>(2 * kColumns, static_cast<int>(views.size()));
   const int step = std::max(1, static_cast<int>(views.size()) / 2 / shown);
   const cv::Size size = views[0].image.size();
-  cv::Mat sheet((shown + columns - 1) / columns * size.height, columns * size.width, CV_8UC3, cv::Scalar::all(0));
+  cv::Mat sheet((shown + kColumns - 1) / kColumns * size.height, kColumns * size.width, CV_8UC3, cv::Scalar::all(0));
   for (int i = 0; i < shown; ++i) {
     const ScanView& view = views[std::min(as_size(i * step), views.size() - 1)];
     cv::Mat image = view.image.clone();
     draw_joints(image, view.camera, joints);
-    image.copyTo(sheet(cv::Rect(i % columns * size.width, i / columns * size.height, size.width, size.height)));
+    image.copyTo(sheet(cv::Rect(i % kColumns * size.width, i / kColumns * size.height, size.width, size.height)));
   }
   return sheet;
 }

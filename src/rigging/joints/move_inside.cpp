@@ -262,9 +262,8 @@ void pull_inside(Vector3d& joint, const SolidGrid& solid, const std::vector<floa
 
 }  // namespace
 
-std::map<std::string, double> move_inside(BodyJoints& joints, const SolidGrid& solid) {
+void move_inside(BodyJoints& joints, const SolidGrid& solid) {
   constexpr double kAdultTrunk = 0.48, kLargestMove = 0.06;  // metres
-  std::map<std::string, double> moves;
   const BodyJoints given = joints;
   Placer placer(joints, solid);
   placer.run();
@@ -272,13 +271,10 @@ std::map<std::string, double> move_inside(BodyJoints& joints, const SolidGrid& s
   for (auto& [name, position] : joints.positions) {
     const Vector3d move = position - given.at(name);
     if (move.norm() > most) position = given.at(name) + most * move.normalized();
-    moves[name] = 0.0;
   }
   const std::vector<float> depth = distance_to_outside(solid);
   for (const std::string& name : body_joint_names())
     if (joints.has(name) && !solid.is_inside(joints.at(name))) pull_inside(joints.positions[name], solid, depth, most);
-  for (auto& [name, moved] : moves) moved = (joints.at(name) - given.at(name)).norm();
-  return moves;
 }
 
 }  // namespace doppel

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <map>
-#include <string>
-
 #include "doppel/rigging/joints/body_joints.h"
 #include "doppel/rigging/weights/solid_grid.h"
 
@@ -13,7 +10,6 @@ namespace doppel {
 /// shoulder have no middle that the shape could tell: they move only when they lie outside or too near to the surface,
 /// or when the two sides disagree. A cross-section that holds more than the limb (armpit, crotch, skirt, a hand on the
 /// hip) does not move the joint. The trunk's joints stay. No joint of a body of 1.7 m moves by more than 6 cm.
-/// @return metres that each joint moved
-std::map<std::string, double> move_inside(BodyJoints& joints, const SolidGrid& solid);
+void move_inside(BodyJoints& joints, const SolidGrid& solid);
 
 }  // namespace doppel

@@ -11,7 +11,7 @@ namespace doppel {
 /// A rig in one test pose.
 struct PoseBend {
   std::string pose;                    ///< the name of the TestPose
-  int stretched = 0;                   ///< triangles that stretch more than the limit (triangle_stretches)
+  int stretched = 0;                   ///< triangles that stretch more than kStretchLimit (triangle_stretches)
   int stretched_alone = 0;             ///< those of them that do so without their neighbours (count_stretched)
   double largest_stretch = 1.0;        ///< of any triangle
   int sticking = 0;                    ///< vertices that another limb drags along (StickingVertices)
@@ -24,7 +24,8 @@ struct BendReport {
   int triangles = 0, vertices = 0;  ///< of the template
   std::vector<PoseBend> poses;      ///< one for each of test_poses
 
-  /// What exceeds a limit, a sentence for each pose and kind of fault; empty when the rig bends well.
+  /// What exceeds a limit (of volumes: 12 % lost or gained), a sentence for each pose and kind of fault; empty when the
+  /// rig bends well.
   std::vector<std::string> faults() const;
   /// The worst figures of all poses in one line.
   std::string summary() const;

@@ -117,6 +117,9 @@ TEST(PoseFileAgrees, WithTheLibraryOnUnseenImagesAndBatches) {
     EXPECT_EQ(file.metadata().at("fingerprint"), trained.character.fingerprint());
     const auto landmarks = static_cast<std::int64_t>(trained.landmarks.size());
     EXPECT_EQ(file.metadata().at("landmark_names").size(), trained.landmarks.size());
+    EXPECT_EQ(file.metadata().at("input_size"), kInput);
+    EXPECT_EQ(file.metadata().at("num_vertices"), trained.character.num_vertices());
+    EXPECT_EQ(file.metadata().at("dof_names").size(), static_cast<std::size_t>(trained.character.num_dofs()));
     for (const int batch : {1, 2, 5}) {
       const Tensor image = random_images(batch);
       const Seen seen(batch, landmarks);

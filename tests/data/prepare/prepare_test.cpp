@@ -457,8 +457,8 @@ TEST(PrepareRejects, ACharacterInOtherUnits) {
 TEST(PrepareRejects, MasksWithoutAnyone) {
   const CaptureFixture fixture;
   fixture.write_yaml(fixture.yaml("    mask_threshold: 255\n"));
-  EXPECT_EQ(prepare_error(fixture),
-            "nothing was thrown");  // masks are 0 or 255: the highest threshold still takes them
+  // Masks are 0 or 255: the highest threshold still takes them.
+  EXPECT_EQ(prepare_error(fixture), "nothing was thrown");
   std::vector<cv::Mat> masks(12, cv::Mat::zeros(test_capture::kHeight, test_capture::kWidth, CV_8U));
   test_capture::write_video(fixture.root() / "training/masks/01.mkv", "FFV1", masks);
   fs::remove_all(fixture.out());
