@@ -18,9 +18,9 @@ struct FitCharacterOptions {
   TrackConfig config;                  ///< of poses and surface
   ShapeRounds shape;
 
-  /// Outlines count six times as much as in tracking: keypoints are off in the same way in all frames, so a body that
-  /// follows them is off, too.
-  FitCharacterOptions() { config.fit.silhouette_weight = 30.0; }
+  /// Outlines count twenty times as much as in tracking: keypoints are off in the same way in all frames, so a body
+  /// that follows them is off, too.
+  FitCharacterOptions() { config.fit.silhouette_weight = 100.0; }
 };
 
 /// A character made from a capture.
