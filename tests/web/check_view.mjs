@@ -95,7 +95,10 @@ async function checkDouble(page, url) {
   await checkSlider(page);
   await checkReach(page);
   await checkLive(page, url);
-  if (picture) await page.screenshot({ path: picture });
+  if (picture) {
+    await page.evaluate(() => document.getElementById('panel').scrollTo(0, 0));
+    await page.screenshot({ path: picture });
+  }
   if (await page.evaluate(() => window.doppel.source.about.training)) await checkTraining(page);
   if (cameras) {
     await checkCameras(page);
