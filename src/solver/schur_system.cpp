@@ -5,7 +5,7 @@
 namespace doppel {
 namespace {
 
-constexpr double kSmallestDamping = 1e-9;  // of groups whose equations may be singular
+constexpr double kGroupDamping = 1e-9;  // of groups whose equations may be singular
 
 /// The matrix with a larger diagonal; a zero on the diagonal becomes 1, so that the unknown keeps its value.
 Eigen::MatrixXd damped(Eigen::MatrixXd matrix, double damping) {
@@ -58,7 +58,7 @@ bool SchurSystem::solve(double damping, Eigen::VectorXd& step) const {
 Eigen::MatrixXd SchurSystem::reduced_hessian() const {
   Eigen::MatrixXd reduced = hessian_;
   for (const Group& group : groups_) {
-    const Eigen::LLT<Eigen::MatrixXd> factor(damped(group.hessian, kSmallestDamping));
+    const Eigen::LLT<Eigen::MatrixXd> factor(damped(group.hessian, kGroupDamping));
     if (factor.info() != Eigen::Success) continue;
     const Eigen::MatrixXd half = factor.matrixL().solve(group.cross);
     reduced.noalias() -= half.transpose() * half;
@@ -70,7 +70,7 @@ std::vector<Eigen::VectorXd> SchurSystem::reduced_gradients() const {
   std::vector<Eigen::VectorXd> gradients;
   gradients.reserve(groups_.size());
   for (const Group& group : groups_) {
-    const Eigen::LLT<Eigen::MatrixXd> factor(damped(group.hessian, kSmallestDamping));
+    const Eigen::LLT<Eigen::MatrixXd> factor(damped(group.hessian, kGroupDamping));
     gradients.push_back(factor.info() == Eigen::Success
                             ? Eigen::VectorXd(-group.cross.transpose() * factor.solve(group.gradient))
                             : Eigen::VectorXd(Eigen::VectorXd::Zero(num_shared())));

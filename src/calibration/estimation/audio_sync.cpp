@@ -16,7 +16,7 @@ namespace doppel {
 namespace {
 
 constexpr double kMaxRate = 16000.0;        // samples per second that are compared
-constexpr double kLongestOffset = 60.0;     // seconds
+constexpr double kMaxOffset = 60.0;         // seconds
 constexpr double kContrastOfLag = 1.5;      // that a known offset needs
 constexpr double kSecondsOfPeak = 0.05;     // around the highest peak, where echoes make others
 constexpr double kOnsetRate = 200.0;        // onsets per second
@@ -140,7 +140,7 @@ AudioOffset audio_offset(const AudioTrack& first, const AudioTrack& second) {
   const double rate = std::min({first.rate, second.rate, kMaxRate});
   const std::vector<double> a = at_rate(first, rate), b = at_rate(second, rate);
   const auto shorter = static_cast<double>(std::min(a.size(), b.size()));
-  const int reach = static_cast<int>(std::min(kLongestOffset * rate, shorter - 1.0));
+  const int reach = static_cast<int>(std::min(kMaxOffset * rate, shorter - 1.0));
   const std::vector<double> values = at_lags(correlation(a, b, true), reach);
   const auto best = std::max_element(values.begin(), values.end());
   const int at = static_cast<int>(best - values.begin());
@@ -155,7 +155,7 @@ AudioOffset audio_offset(const AudioTrack& first, const AudioTrack& second) {
   if (!(*best > 0.0) || result.contrast < kContrastOfLag)
     result.reason = fmt::format("no lag stands out (contrast {:.2f}, needed {:.2f}); the recordings may share no sound",
                                 result.contrast, kContrastOfLag);
-  else if (!onsets_agree(a, b, rate, result.seconds, kLongestOffset))
+  else if (!onsets_agree(a, b, rate, result.seconds, kMaxOffset))
     result.reason = "the beginnings of the sounds agree better at another lag";
   result.known = result.reason.empty();
   return result;

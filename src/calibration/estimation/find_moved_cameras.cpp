@@ -22,9 +22,9 @@ constexpr int kSplitRounds = 4;
 constexpr std::size_t kTimesBesideSplit = 12;  // that must show the jump
 constexpr std::size_t kMinPosePoints = 30;     // points
 constexpr std::size_t kMaxTimesOfMove = 300;   // times; more are thinned out
-constexpr double kSmallestGain = 0.5;          // share of the robust cost that a second pose must save
-constexpr double kSmallestMove = 1.5;   // pixels of an image 1024 wide by which the median point must have jumped
-constexpr double kShortestPart = 0.08;  // share of the recording before and after the move
+constexpr double kMinGain = 0.5;               // share of the robust cost that a second pose must save
+constexpr double kMinMove = 1.5;   // pixels of an image 1024 wide by which the median point must have jumped
+constexpr double kMinPart = 0.08;  // share of the recording before and after the move
 
 using Signature = Eigen::Vector4d;  // of one time: shift, turn and growth of the image, pixels
 
@@ -142,7 +142,7 @@ double sum_of(const std::vector<double>& values, std::size_t first, std::size_t 
 class MoveOfCamera {
  public:
   MoveOfCamera(Camera camera, CameraSightings seen) : camera_(std::move(camera)), seen_(std::move(seen)) {
-    shortest_ = std::max<std::size_t>(3, as_size(kShortestPart * static_cast<double>(seen_.times.size())));
+    shortest_ = std::max<std::size_t>(3, as_size(kMinPart * static_cast<double>(seen_.times.size())));
   }
 
   /// @return false when there are too few points
@@ -248,9 +248,9 @@ std::vector<MovedCamera> find_moved_cameras(const std::vector<Camera>& cameras, 
       if (!trusted[c]) continue;
       const Camera& camera = cameras[c];
       MoveOfCamera move(camera, sightings_of(cameras, usable, trusted, c, times));
-      if (!move.fit() || move.jump() * rig_reference_pixels(camera) < kSmallestMove) continue;
+      if (!move.fit() || move.jump() * rig_reference_pixels(camera) < kMinMove) continue;
       const double gain = std::min(move.gain(), move.local_gain());
-      if (gain < kSmallestGain || gain <= most) continue;
+      if (gain < kMinGain || gain <= most) continue;
       std::vector<double> near;
       for (const double time : every)
         if (time >= move.neighbourhood().first && time <= move.neighbourhood().second) near.push_back(time);

@@ -263,11 +263,11 @@ void pull_inside(Vector3d& joint, const SolidGrid& solid, const std::vector<floa
 }  // namespace
 
 void move_inside(BodyJoints& joints, const SolidGrid& solid) {
-  constexpr double kAdultTrunk = 0.48, kLargestMove = 0.06;  // metres
+  constexpr double kAdultTrunk = 0.48, kMaxMove = 0.06;  // metres
   const BodyJoints given = joints;
   Placer placer(joints, solid);
   placer.run();
-  const double most = kLargestMove * placer.trunk() / kAdultTrunk;
+  const double most = kMaxMove * placer.trunk() / kAdultTrunk;
   for (auto& [name, position] : joints.positions) {
     const Vector3d move = position - given.at(name);
     if (move.norm() > most) position = given.at(name) + most * move.normalized();

@@ -7,13 +7,13 @@ namespace doppel {
 
 SparseRow sparse_row(const WeightField& field, int vertex) {
   constexpr std::size_t kMaxBones = 6;
-  constexpr double kSmallestWeight = 0.01;
+  constexpr double kMinWeight = 0.01;
   const auto row = field.row(vertex);
   std::vector<int> order(row.size());
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return row[a] > row[b]; });
   std::size_t count = 1;
-  while (count < order.size() && count < kMaxBones && row[order[count]] >= kSmallestWeight) ++count;
+  while (count < order.size() && count < kMaxBones && row[order[count]] >= kMinWeight) ++count;
   double total = 0;
   for (std::size_t k = 0; k < count; ++k) total += double{row[order[k]]};
   SparseRow result;
