@@ -166,15 +166,8 @@ void evaluate_deltanet(const ActorEvaluation& evaluation, nlohmann::ordered_json
 }  // namespace
 
 StageEntry delta_net_entry() {
-  return {"deltanet",
-          {"ddc", "hybrid"},
-          {"egnet"},
-          [](const ConfigDocument& document) { DeltaNetRunConfig::read(document); },
-          [](const StageTask& task) {
-            return train_on<DeltaNetStage, DeltaNetRunConfig>(TrainedActor::load(task.run, std::nullopt, "deltanet"),
-                                                              task);
-          },
-          evaluate_deltanet};
+  return actor_stage_entry<DeltaNetStage, DeltaNetRunConfig>("deltanet", {"ddc", "hybrid"}, {"egnet"},
+                                                             evaluate_deltanet);
 }
 
 }  // namespace doppel
