@@ -68,6 +68,9 @@ struct AnimateOptions {
   bool compress = false;
   bool loop = false;
   std::string root = "travel";
+  // Files that state neither unit nor axis.
+  std::optional<double> out_unit;
+  std::string out_up;
 
   bool wants(const char* format) const { return std::find(formats.begin(), formats.end(), format) != formats.end(); }
 };
@@ -249,6 +252,20 @@ void refuse_several_motions(const AnimateOptions& options) {
           "glb, engine-glb and splat-rig, for others run the command once for each",
           format, motions);
 }
+
+/// @throws UsageError for a unit or an axis, and no file that leaves them open
+void refuse_space_without_file(const AnimateOptions& options) {
+  if (!options.out_unit && options.out_up.empty()) return;
+  for (const char* format : {"obj", "bvh", "pc2", "mdd"})
+    if (options.wants(format)) return;
+  fail<UsageError>(
+      "{} belongs to --format obj, bvh, pc2 and mdd; the files of the other formats state their unit and their axis, "
+      "or "
+      "have those of the format",
+      options.out_unit ? "--out-unit" : "--out-up");
+}
+
+FileSpace file_space(const AnimateOptions& options) { return {options.out_unit.value_or(1.0), options.out_up == "z"}; }
 
 // ---- the images ----
 
@@ -497,6 +514,7 @@ FigureOptions figure_options(const AnimateOptions& options, double fps, const st
   if (options.compress && !figure.glb && !options.wants("splat-rig"))
     fail<UsageError>("--compress belongs to --format glb and splat-rig; the other files have no compressed form");
   figure.compress = options.compress;
+  figure.space = file_space(options);
   return figure;
 }
 
@@ -579,7 +597,7 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
   if (files.glb || files.usda || files.fbx || files.pc2 || files.mdd)
     writers.push_back(make_figure_writer(options.out, character, files, reports.figure, reports.fbx));
   if (options.wants("npy")) writers.push_back(make_npy_writer(options.out, character.num_vertices()));
-  if (options.wants("obj")) writers.push_back(make_obj_writer(options.out, character));
+  if (options.wants("obj")) writers.push_back(make_obj_writer(options.out, character, file_space(options)));
   if (options.wants("texture")) {
     const LookFunction texture = performer.texture();
     if (!texture)
@@ -633,7 +651,8 @@ void write_motions(const AnimateOptions& options, const Character& character, co
   if (!options.wants("bvh")) return;
   BvhClip clip = bvh_from_motion(character.skeleton, motion, fps, character.rest_dofs);
   rename_joints(character, bone_names(options), clip);
-  write_bvh(folder / "driven.bvh", clip);
+  if (options.out_up == "z") clip = with_z_up(std::move(clip));
+  write_bvh(folder / "driven.bvh", clip, options.out_unit.value_or(kBvhMetresPerUnit));
 }
 
 nlohmann::json rig_json(const SplatRigReport& rig) {
@@ -713,6 +732,7 @@ std::string clips_text(const std::vector<Clip>& clips) {
 
 int run(const AnimateOptions& options, const CommonOptions& common) {
   refuse_several_motions(options);
+  refuse_space_without_file(options);
   const Performer performer = make_performer(options);
   const Character& character = performer.character;
   if (options.wants("bvh")) renamed_bones(character, bone_names(options));  // refuses names before the frames
@@ -877,6 +897,14 @@ void add_figure_options(CLI::App& app, AnimateOptions& options) {
       ->capture_default_str();
 }
 
+void add_space_options(CLI::App& app, AnimateOptions& options) {
+  app.option_defaults()->group("Files that state neither unit nor axis (--format obj, bvh, pc2, mdd)");
+  app.add_option("--out-unit", options.out_unit,
+                 "Metres per unit of length of these files: 0.01 for centimetres (default: 1, and 0.01 for bvh)")
+      ->check(CLI::Range(1e-4, 1e4));
+  app.add_option("--out-up", options.out_up, "Their vertical axis (default: y)")->check(CLI::IsMember({"y", "z"}));
+}
+
 }  // namespace
 
 Command add_animate(CLI::App& program) {
@@ -896,6 +924,7 @@ Command add_animate(CLI::App& program) {
   add_camera_options(*app, *options);
   add_image_options(*app, *options);
   add_figure_options(*app, *options);
+  add_space_options(*app, *options);
   app->option_defaults()->group(usual_group);
   app->footer(
       "Examples:\n"

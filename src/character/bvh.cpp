@@ -7,6 +7,7 @@
 #include "doppel/core/angles.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/geometry/file_space.h"
 
 namespace doppel {
 namespace {
@@ -184,6 +185,36 @@ BvhClip bvh_from_motion(const Skeleton& skeleton, const Motion& motion, double f
       row.insert(row.end(), previous[r].begin(), previous[r].end());
     }
     clip.frames.push_back(row);
+  }
+  return clip;
+}
+
+BvhClip with_z_up(BvhClip clip) {
+  std::size_t column = 0;
+  for (BvhJoint& joint : clip.joints) {
+    joint.offset = FileSpace{1.0, true}.of(joint.offset);
+    for (BvhChannel& channel : joint.channels) {
+      if (channel == BvhChannel::z_position || channel == BvhChannel::z_rotation)
+        for (std::vector<double>& row : clip.frames) row[column] = 0.0 - row[column];  // never -0
+      switch (channel) {
+        case BvhChannel::y_position:
+          channel = BvhChannel::z_position;
+          break;
+        case BvhChannel::z_position:
+          channel = BvhChannel::y_position;
+          break;
+        case BvhChannel::y_rotation:
+          channel = BvhChannel::z_rotation;
+          break;
+        case BvhChannel::z_rotation:
+          channel = BvhChannel::y_rotation;
+          break;
+        case BvhChannel::x_position:
+        case BvhChannel::x_rotation:
+          break;
+      }
+      ++column;
+    }
   }
   return clip;
 }

@@ -42,10 +42,12 @@ struct BvhClip {
 ///   length, a size that no unit explains, ...
 BvhClip read_bvh(const std::filesystem::path& path, std::optional<double> metres_per_unit = std::nullopt);
 
-/// Writes a BVH file, by default in centimetres, which other programs expect.
+/// Centimetres, which other programs expect.
+inline constexpr double kBvhMetresPerUnit = 0.01;
+/// Writes a BVH file.
 /// @throws Error for numbers that are not finite, or a skeleton that BVH cannot hold (a parent after its child, two
 ///   roots)
-void write_bvh(const std::filesystem::path& path, const BvhClip& clip, double metres_per_unit = 0.01);
+void write_bvh(const std::filesystem::path& path, const BvhClip& clip, double metres_per_unit = kBvhMetresPerUnit);
 
 /// A Skeletool motion as BVH, for other programs. A run of single axes with one bone name (`Head_ry`, `Head_rz`,
 /// `Head_rx`) becomes one joint of that name with the channels Z, X, Y. The root and prismatic joints also have
@@ -53,6 +55,10 @@ void write_bvh(const std::filesystem::path& path, const BvhClip& clip, double me
 /// @param rest_dofs the pose that becomes the file's rest pose, [D]; empty: all DoFs 0
 BvhClip bvh_from_motion(const Skeleton& skeleton, const Motion& motion, double frames_per_second,
                         const std::vector<double>& rest_dofs = {});
+
+/// The same clip with z up: x stays, and y is what was -z. Rotations about y become rotations about z, and those about
+/// z rotations about y by the negative angle. @param clip with y up
+BvhClip with_z_up(BvhClip clip);
 
 /// The joints of a clip in its rest pose (all rotations 0) and in every frame.
 JointTracks joint_tracks(const BvhClip& clip);

@@ -218,6 +218,23 @@ TEST(BvhAgrees, AMotionWithTheSkeletonItCameFrom) {
   }
 }
 
+TEST(BvhAgrees, ZUpTurnsTheWholeMotion) {
+  const Character character = make_test_character();
+  Motion motion;
+  motion.frames.push_back(character.rest_dofs);
+  for (std::size_t d = 0; d < motion.frames[0].size(); ++d)
+    motion.frames[0][d] += std::sin(1.0 + static_cast<double>(d));
+  const BvhClip clip = bvh_from_motion(character.skeleton, motion, 25.0);
+  const BvhClip turned = with_z_up(clip);
+  const Eigen::Matrix3d to_z_up = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()).toRotationMatrix();
+  const auto before = clip.pose(clip.frames[0]), after = turned.pose(turned.frames[0]);
+  for (std::size_t j = 0; j < clip.joints.size(); ++j) {
+    EXPECT_LT((after[j].translation() - to_z_up * before[j].translation()).norm(), 1e-12) << clip.joints[j].name;
+    EXPECT_LT((after[j].linear() - to_z_up * before[j].linear() * to_z_up.transpose()).norm(), 1e-12)
+        << clip.joints[j].name;
+  }
+}
+
 TEST(BvhAgrees, GimbalLockKeepsTheRotation) {
   Skeleton skeleton;
   skeleton.joints.push_back({"A_rx", Joint::Type::revolute, -1, {0, 1, 0}, Eigen::Vector3d::UnitX()});

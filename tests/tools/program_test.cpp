@@ -246,6 +246,8 @@ TEST(ProgramRejects, OptionsOfAnimateThatContradictEachOther) {
   EXPECT_THAT(complaint_about(animate + "--character c --renderer radiance"), HasSubstr("requires --run"));
   EXPECT_THAT(complaint_about(animate + "--character c --capture p --calibration f"), HasSubstr("excludes"));
   EXPECT_THAT(complaint_about(animate + "--character c --licence u"), HasSubstr("requires --author"));
+  EXPECT_THAT(complaint_about(animate + "--character c --format glb --out-up z"),
+              HasSubstr("belongs to --format obj, bvh, pc2 and mdd"));
 }
 
 TEST(ProgramRejects, MissingFilesWithOneAndTheirName) {

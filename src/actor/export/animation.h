@@ -9,6 +9,7 @@
 #include "doppel/actor/export/actor_file.h"
 #include "doppel/character/character.h"
 #include "doppel/core/profile.h"
+#include "doppel/geometry/file_space.h"
 
 namespace doppel {
 
@@ -33,8 +34,9 @@ class SequenceWriter {
 
 /// `folder/vertices.npy`, float32 [frames, N, 3], world metres.
 std::unique_ptr<SequenceWriter> make_npy_writer(const std::filesystem::path& folder, int num_vertices);
-/// `folder/frame_000000.obj`, ... with one shared material and texture `<name>.mtl`, `<name>.png`; metres.
-std::unique_ptr<SequenceWriter> make_obj_writer(const std::filesystem::path& folder, const Character& character);
+/// `folder/frame_000000.obj`, ... with one shared material and texture `<name>.mtl`, `<name>.png`.
+std::unique_ptr<SequenceWriter> make_obj_writer(const std::filesystem::path& folder, const Character& character,
+                                                const FileSpace& space = {});
 
 /// When the frames of an animation and the poses of their motion windows are, in frames of the motion.
 struct FrameSteps {

@@ -23,9 +23,10 @@ class FigureWriter : public SequenceWriter {
     const FigureFile file{character_.name, character_.mesh, clip_, options_.rights};
     if (options_.glb || options_.usda || options_.fbx) write_skinned(file);
     if (options_.usda) write_usda(folder_ / "animation.usda", file);
-    if (options_.pc2 || options_.mdd) write_obj(folder_ / "animation.obj", character_.mesh, 1.0);
-    if (options_.pc2) write_pc2(folder_ / "animation.pc2", clip_);
-    if (options_.mdd) write_mdd(folder_ / "animation.mdd", clip_);
+    if (options_.pc2 || options_.mdd)
+      write_obj(folder_ / "animation.obj", in_space(character_.mesh, options_.space), 1.0);
+    if (options_.pc2) write_pc2(folder_ / "animation.pc2", clip_, options_.space);
+    if (options_.mdd) write_mdd(folder_ / "animation.mdd", clip_, options_.space);
   }
 
  private:

@@ -23,6 +23,7 @@ struct FigureOptions {
   /// hold all frames one after the other.
   std::vector<ClipPart> parts;
   bool compress = false;  ///< the .glb by EXT_meshopt_compression
+  FileSpace space;        ///< of .pc2, .mdd and animation.obj; the other formats state their unit and axis
 };
 
 /// What was lost on the way into the files with a skin.

@@ -24,7 +24,8 @@ class NpyWriter : public SequenceWriter {
 /// The part of an OBJ file after the positions is the same in every frame, so it is formatted once and repeated.
 class ObjWriter : public SequenceWriter {
  public:
-  ObjWriter(const std::filesystem::path& folder, const Character& character) : folder_(folder) {
+  ObjWriter(const std::filesystem::path& folder, const Character& character, const FileSpace& space)
+      : folder_(folder), space_(space) {
     const TriangleMesh& mesh = character.mesh;
     const bool textured = !mesh.texture.empty() && !mesh.uvs.empty();
     if (textured) {
@@ -46,15 +47,17 @@ class ObjWriter : public SequenceWriter {
 
   void write(const PosedFrame& frame) override {
     std::string text = head_;
-    for (std::size_t i = 0; i < frame.vertices.size(); i += 3)
-      fmt::format_to(std::back_inserter(text), "v {:.7g} {:.7g} {:.7g}\n", frame.vertices[i], frame.vertices[i + 1],
-                     frame.vertices[i + 2]);
+    for (std::size_t i = 0; i < frame.vertices.size(); i += 3) {
+      const Eigen::Vector3d v = space_.of({frame.vertices[i], frame.vertices[i + 1], frame.vertices[i + 2]});
+      fmt::format_to(std::back_inserter(text), "v {:.7g} {:.7g} {:.7g}\n", v.x(), v.y(), v.z());
+    }
     write_atomically(folder_ / fmt::format("frame_{:06}.obj", frame_++), text + tail_);
   }
   void close() override {}
 
  private:
   std::filesystem::path folder_;
+  FileSpace space_;
   int frame_ = 0;
   std::string head_, tail_;
 };
@@ -65,8 +68,9 @@ std::unique_ptr<SequenceWriter> make_npy_writer(const std::filesystem::path& fol
   return std::make_unique<NpyWriter>(folder, num_vertices);
 }
 
-std::unique_ptr<SequenceWriter> make_obj_writer(const std::filesystem::path& folder, const Character& character) {
-  return std::make_unique<ObjWriter>(folder, character);
+std::unique_ptr<SequenceWriter> make_obj_writer(const std::filesystem::path& folder, const Character& character,
+                                                const FileSpace& space) {
+  return std::make_unique<ObjWriter>(folder, character, space);
 }
 
 }  // namespace doppel

@@ -25,12 +25,16 @@ std::uint32_t points_in(const FigureClip& clip) {
 
 /// Writes a head, then the positions of all frames.
 template <typename Head>
-void write_cache(const std::filesystem::path& path, const FigureClip& clip, bool big_endian, const Head& head) {
+void write_cache(const std::filesystem::path& path, const FigureClip& clip, const FileSpace& space, bool big_endian,
+                 const Head& head) {
   write_atomically(path, [&](const std::filesystem::path& temporary) {
     std::ofstream out(temporary, std::ios::binary);
     head(out);
     for (const std::vector<float>& frame : clip.vertices)
-      for (const float value : frame) put_float(out, value, big_endian);
+      for (std::size_t i = 0; i < frame.size(); i += 3) {
+        const Eigen::Vector3f point = space.of({frame[i], frame[i + 1], frame[i + 2]}).cast<float>();
+        for (const float value : point) put_float(out, value, big_endian);
+      }
     out.close();
     if (!out) fail("{}: writing failed; is the disk full?", path.string());
   });
@@ -38,8 +42,8 @@ void write_cache(const std::filesystem::path& path, const FigureClip& clip, bool
 
 }  // namespace
 
-void write_pc2(const std::filesystem::path& path, const FigureClip& clip) {
-  write_cache(path, clip, false, [&](std::ostream& out) {
+void write_pc2(const std::filesystem::path& path, const FigureClip& clip, const FileSpace& space) {
+  write_cache(path, clip, space, false, [&](std::ostream& out) {
     out.write("POINTCACHE2", 12);  // with its final zero
     put_word(out, 1, false);       // version
     put_word(out, points_in(clip), false);
@@ -49,8 +53,8 @@ void write_pc2(const std::filesystem::path& path, const FigureClip& clip) {
   });
 }
 
-void write_mdd(const std::filesystem::path& path, const FigureClip& clip) {
-  write_cache(path, clip, true, [&](std::ostream& out) {
+void write_mdd(const std::filesystem::path& path, const FigureClip& clip, const FileSpace& space) {
+  write_cache(path, clip, space, true, [&](std::ostream& out) {
     put_word(out, static_cast<std::uint32_t>(clip.num_frames()), true);
     put_word(out, points_in(clip), true);
     for (int t = 0; t < clip.num_frames(); ++t) put_float(out, static_cast<float>(t / clip.frames_per_second), true);

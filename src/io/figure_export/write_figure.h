@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "doppel/geometry/file_space.h"
 #include "doppel/geometry/mesh.h"
 #include "doppel/io/figure_export/corrective_function.h"
 #include "doppel/io/figure_export/euler_tracks.h"
@@ -65,9 +66,9 @@ void write_usda_skel(const std::filesystem::path& path, const FigureFile& file, 
                      const MorphTargets& morphs, const FigureTracks& tracks, const std::string& texture);
 
 /// Writes the positions of all frames as a PC2 point cache (little endian), for the vertices in the order of write_obj.
-void write_pc2(const std::filesystem::path& path, const FigureClip& clip);
+void write_pc2(const std::filesystem::path& path, const FigureClip& clip, const FileSpace& space = {});
 
 /// Writes the positions of all frames as an MDD point cache (big endian).
-void write_mdd(const std::filesystem::path& path, const FigureClip& clip);
+void write_mdd(const std::filesystem::path& path, const FigureClip& clip, const FileSpace& space = {});
 
 }  // namespace doppel

@@ -408,6 +408,15 @@ TEST(AnimationReference, WithoutAModelItIsPureSkinning) {
   const TriangleMesh mesh = read_obj(folder / "frame_000019.obj", 1.0);
   EXPECT_EQ(mesh.faces, character.mesh.faces);
   EXPECT_NEAR(mesh.vertices.back().x(), expected[expected.size() - 3], 1e-6);
+
+  writers.clear();
+  writers.push_back(make_obj_writer(folder.path(), character, {0.01, true}));
+  animate(character, motion, nullptr, writers);
+  const TriangleMesh centimetres = read_obj(folder / "frame_000019.obj", 0.01);
+  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+    const Eigen::Vector3d& v = mesh.vertices[i];
+    EXPECT_LT((centimetres.vertices[i] - Eigen::Vector3d(v.x(), -v.z(), v.y())).norm(), 2e-6);
+  }
 }
 
 TEST(AnimationReference, ATexturedObjSequenceKeepsItsTexture) {

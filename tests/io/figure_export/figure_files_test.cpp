@@ -78,6 +78,12 @@ TEST(PointCaches, HoldHeadAndPositions) {
   EXPECT_EQ(word(mdd, 4, true), 4U);
   EXPECT_EQ(real(mdd, 8 + 4, true), 0.02F);
   EXPECT_EQ(real(mdd, 20 + 4 * (24 + 11), true), 4.75F);
+
+  write_pc2(folder / "b.pc2", clip, {0.5, true});
+  const std::string half_metres = read_file(folder / "b.pc2");
+  EXPECT_EQ(real(half_metres, 32 + 4 * (12 + 3), false), 2 * real(pc2, 32 + 4 * (12 + 3), false));
+  EXPECT_EQ(real(half_metres, 32 + 4 * (12 + 4), false), -2 * real(pc2, 32 + 4 * (12 + 5), false));
+  EXPECT_EQ(real(half_metres, 32 + 4 * (12 + 5), false), 2 * real(pc2, 32 + 4 * (12 + 4), false));
 }
 
 TEST(Usda, HoldsTopologyPointsAndMaterial) {
