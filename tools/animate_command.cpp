@@ -259,9 +259,8 @@ void refuse_space_without_file(const AnimateOptions& options) {
   for (const char* format : {"obj", "bvh", "pc2", "mdd"})
     if (options.wants(format)) return;
   fail<UsageError>(
-      "{} belongs to --format obj, bvh, pc2 and mdd; the files of the other formats state their unit and their axis, "
-      "or "
-      "have those of the format",
+      "{} belongs to --format obj, bvh, pc2 and mdd; the other files state their unit and their axis, or have those of "
+      "their format",
       options.out_unit ? "--out-unit" : "--out-up");
 }
 

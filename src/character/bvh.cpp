@@ -190,29 +190,15 @@ BvhClip bvh_from_motion(const Skeleton& skeleton, const Motion& motion, double f
 }
 
 BvhClip with_z_up(BvhClip clip) {
+  using enum BvhChannel;
+  constexpr std::array kTurned{x_position, z_position, y_position, x_rotation, z_rotation, y_rotation};
   std::size_t column = 0;
   for (BvhJoint& joint : clip.joints) {
     joint.offset = FileSpace{1.0, true}.of(joint.offset);
     for (BvhChannel& channel : joint.channels) {
       if (channel == BvhChannel::z_position || channel == BvhChannel::z_rotation)
         for (std::vector<double>& row : clip.frames) row[column] = 0.0 - row[column];  // never -0
-      switch (channel) {
-        case BvhChannel::y_position:
-          channel = BvhChannel::z_position;
-          break;
-        case BvhChannel::z_position:
-          channel = BvhChannel::y_position;
-          break;
-        case BvhChannel::y_rotation:
-          channel = BvhChannel::z_rotation;
-          break;
-        case BvhChannel::z_rotation:
-          channel = BvhChannel::y_rotation;
-          break;
-        case BvhChannel::x_position:
-        case BvhChannel::x_rotation:
-          break;
-      }
+      channel = kTurned[static_cast<std::size_t>(channel)];
       ++column;
     }
   }
