@@ -197,7 +197,7 @@ BvhClip with_z_up(BvhClip clip) {
     joint.offset = FileSpace{1.0, true}.of(joint.offset);
     for (BvhChannel& channel : joint.channels) {
       if (channel == BvhChannel::z_position || channel == BvhChannel::z_rotation)
-        for (std::vector<double>& row : clip.frames) row[column] = 0.0 - row[column];  // never -0
+        for (std::vector<double>& row : clip.frames) row[column] = 0.0 - row[column];  // the file would show -0
       channel = kTurned[static_cast<std::size_t>(channel)];
       ++column;
     }

@@ -13,11 +13,12 @@ struct FileSpace {
 
   /// A point of the file. @param point world metres, y up
   Eigen::Vector3d of(const Eigen::Vector3d& point) const {
+    // 0 - z, because files would show -0.
     return (z_up ? Eigen::Vector3d(point.x(), 0.0 - point.z(), point.y()) : point) / metres_per_unit;
   }
 };
 
-/// A mesh with the vertices of a file.
+/// A mesh whose vertices are points of the file. @param mesh world metres, y up
 TriangleMesh in_space(TriangleMesh mesh, const FileSpace& space);
 
 }  // namespace doppel

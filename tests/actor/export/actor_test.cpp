@@ -408,14 +408,21 @@ TEST(AnimationReference, WithoutAModelItIsPureSkinning) {
   const TriangleMesh mesh = read_obj(folder / "frame_000019.obj", 1.0);
   EXPECT_EQ(mesh.faces, character.mesh.faces);
   EXPECT_NEAR(mesh.vertices.back().x(), expected[expected.size() - 3], 1e-6);
+}
 
-  writers.clear();
-  writers.push_back(make_obj_writer(folder.path(), character, {0.01, true}));
-  animate(character, motion, nullptr, writers);
-  const TriangleMesh centimetres = read_obj(folder / "frame_000019.obj", 0.01);
+TEST(AnimationReference, ObjFilesHaveTheGivenUnitAndVerticalAxis) {
+  const TemporaryFolder metres, centimetres;
+  const Character character = make_test_character();
+  std::vector<std::unique_ptr<SequenceWriter>> writers;
+  writers.push_back(make_obj_writer(metres.path(), character));
+  writers.push_back(make_obj_writer(centimetres.path(), character, {0.01, true}));
+  animate(character, test_motion(character.num_dofs(), 20), nullptr, writers);
+  const TriangleMesh mesh = read_obj(metres / "frame_000019.obj", 1.0);
+  const TriangleMesh turned = read_obj(centimetres / "frame_000019.obj", 0.01);
+  ASSERT_EQ(turned.vertices.size(), mesh.vertices.size());
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
     const Eigen::Vector3d& v = mesh.vertices[i];
-    EXPECT_LT((centimetres.vertices[i] - Eigen::Vector3d(v.x(), -v.z(), v.y())).norm(), 2e-6);
+    EXPECT_LT((turned.vertices[i] - Eigen::Vector3d(v.x(), -v.z(), v.y())).norm(), 2e-6);
   }
 }
 

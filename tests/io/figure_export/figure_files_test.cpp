@@ -2,6 +2,8 @@
 
 #include <cstring>
 #include <regex>
+#include <tuple>
+#include <vector>
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/io/figure_export/key_frames.h"
@@ -78,12 +80,21 @@ TEST(PointCaches, HoldHeadAndPositions) {
   EXPECT_EQ(word(mdd, 4, true), 4U);
   EXPECT_EQ(real(mdd, 8 + 4, true), 0.02F);
   EXPECT_EQ(real(mdd, 20 + 4 * (24 + 11), true), 4.75F);
+}
 
-  write_pc2(folder / "b.pc2", clip, {0.5, true});
-  const std::string half_metres = read_file(folder / "b.pc2");
-  EXPECT_EQ(real(half_metres, 32 + 4 * (12 + 3), false), 2 * real(pc2, 32 + 4 * (12 + 3), false));
-  EXPECT_EQ(real(half_metres, 32 + 4 * (12 + 4), false), -2 * real(pc2, 32 + 4 * (12 + 5), false));
-  EXPECT_EQ(real(half_metres, 32 + 4 * (12 + 5), false), 2 * real(pc2, 32 + 4 * (12 + 4), false));
+TEST(PointCaches, HaveTheGivenUnitAndVerticalAxis) {
+  const TemporaryFolder folder;
+  const FigureClip clip = three_frames();
+  const FileSpace half_metres{0.5, true};
+  write_pc2(folder / "a.pc2", clip, half_metres);
+  write_mdd(folder / "a.mdd", clip, half_metres);
+  const std::string pc2 = read_file(folder / "a.pc2"), mdd = read_file(folder / "a.mdd");
+  const std::vector<float>& frame = clip.vertices[1];  // after 12 numbers of the frame before
+  for (const auto& [bytes, head, big_endian] : {std::tuple{pc2, 32U, false}, std::tuple{mdd, 20U, true}}) {
+    EXPECT_EQ(real(bytes, head + 4 * (12 + 3), big_endian), 2 * frame[3]);
+    EXPECT_EQ(real(bytes, head + 4 * (12 + 4), big_endian), -2 * frame[5]);
+    EXPECT_EQ(real(bytes, head + 4 * (12 + 5), big_endian), 2 * frame[4]);
+  }
 }
 
 TEST(Usda, HoldsTopologyPointsAndMaterial) {
