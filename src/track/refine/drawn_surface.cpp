@@ -1,11 +1,9 @@
 #include "doppel/track/refine/drawn_surface.h"
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
+#include "doppel/geometry/image_box.h"
 #include "doppel/render/mesh/face_tensor.h"
 #include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/projection.h"
@@ -14,24 +12,6 @@ namespace doppel {
 namespace {
 
 constexpr int kBoxMargin = 24;  // pixels around the surface: as far as the film may show it
-
-/// The part of the image that the projected points lie in, with a margin.
-cv::Rect box_around(const std::vector<Eigen::Vector3d>& points, const PinholeCamera& camera) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  Eigen::Vector2d low(kInfinity, kInfinity), high = -low;
-  for (const Eigen::Vector3d& point : points) {
-    if (camera.camera_from_world(point).z() <= 0.0) continue;
-    const Eigen::Vector2d pixel = camera.project(point);
-    low = low.cwiseMin(pixel);
-    high = high.cwiseMax(pixel);
-  }
-  const Eigen::Vector2d size(camera.width, camera.height);
-  if ((high.array() <= low.array().max(0.0)).any() || (low.array() >= size.array()).any()) return {};
-  const Eigen::Vector2d first = (low.array() - kBoxMargin).max(0.0).floor(),
-                        last = (high.array() + kBoxMargin).min(size.array()).ceil();
-  return {static_cast<int>(first.x()), static_cast<int>(first.y()), static_cast<int>(last.x() - first.x()),
-          static_cast<int>(last.y() - first.y())};
-}
 
 }  // namespace
 
@@ -50,7 +30,7 @@ SurfaceDrawer::SurfaceDrawer(const TriangleMesh& mesh) : texture_(mesh.texture),
 DrawnSurface SurfaceDrawer::draw(const std::vector<Eigen::Vector3d>& vertices, const PinholeCamera& camera) {
   const torch::NoGradGuard no_grad;
   DrawnSurface drawn;
-  drawn.box = box_around(vertices, camera);
+  drawn.box = image_box(vertices, camera, kBoxMargin);
   if (drawn.empty()) return drawn;
   const PinholeCamera part = camera.cropped(drawn.box.x, drawn.box.y, 1.0, drawn.box.width, drawn.box.height);
   const RasterImage& raster = rasterizer_.rasterize_projected(

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <map>
 #include <opencv2/core.hpp>
 #include <vector>
@@ -41,20 +42,21 @@ class TextureBake {
   std::map<int, cv::Vec3d> gains() const;
 
  private:
-  /// What one camera saw of each texel.
+  /// Weighted colours of the texels, BGR 0..255.
   struct Sum {
-    cv::Mat colour;  ///< CV_32FC3, weighted sum, BGR 0..255
-    cv::Mat weight;  ///< CV_32F
-    explicit Sum(int size) : colour(cv::Mat::zeros(size, size, CV_32FC3)), weight(cv::Mat::zeros(size, size, CV_32F)) {}
-    void add(const cv::Mat& colour, const cv::Mat& weight);
-    cv::Mat mean() const;
+    std::vector<cv::Vec3f> colour;
+    std::vector<float> weight;
+    explicit Sum(int texels) : colour(texels), weight(texels) {}
+    void add(int texel, const cv::Vec3f& colour, float weight);
+    cv::Vec3f mean(int texel) const { return colour[texel] / std::max(weight[texel], 1e-12F); }
   };
-  cv::Mat seen_weight() const;
-  cv::Mat corrected_sum(const std::map<int, cv::Vec3d>& gains) const;
-  cv::Mat spread_colours(const cv::Mat& colour, const cv::Mat& weight) const;
+  int num_texels() const;
+  Sum evened_sum() const;
+  std::vector<cv::Vec3f> spread_colours(const Sum& seen) const;
 
   const TriangleMesh& mesh_;
-  TextureSpace space_;
+  int size_;
+  TexelPoints texels_;  ///< those with a point of the surface
   Rasterizer rasterizer_;
   std::map<int, Sum> cameras_;  ///< of the low frequencies
   Sum detail_;                  ///< of the high frequencies, of all cameras
