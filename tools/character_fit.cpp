@@ -59,9 +59,10 @@ Json report_of(const fs::path& written, const ShapeFamily& family, const FittedC
   return report;
 }
 
-/// The capture with this character and its landmarks, and the weight of the outlines for `doppel track`, beside the
+/// The capture with this character and its landmarks, and the settings of the fit for `doppel track`, beside the
 /// character.
-void write_fitted_capture(const fs::path& out, const fs::path& character, const Footage& footage, double outlines) {
+void write_fitted_capture(const fs::path& out, const fs::path& character, const Footage& footage,
+                          const MultiviewOptions& fit) {
   Capture capture = footage.capture();
   const fs::path folder = fs::absolute(character).lexically_normal().parent_path();
   capture.character = (folder / character.filename()).string();
@@ -70,9 +71,9 @@ void write_fitted_capture(const fs::path& out, const fs::path& character, const 
   write_capture(out / "capture.yaml", capture,
                 {"Written by `doppel character fit`: the capture with the fitted character."});
   write_atomically(out / "track.yaml",
-                   fmt::format("# Written by `doppel character fit`: the weight of the outlines to which the character "
-                               "was fitted.\nsilhouette: {{weight: {}}}\n",
-                               outlines));
+                   fmt::format("# Written by `doppel character fit`: how keypoints and outlines counted there.\n"
+                               "keypoints: {{weight: {}}}\nsilhouette: {{weight: {}, pixels: {}, vertices: {}}}\n",
+                               fit.keypoint_weight, fit.silhouette_weight, fit.outline_pixels, fit.outline_vertices));
 }
 
 int run_fit(FitOptions options, const CommonOptions& common) {
@@ -92,7 +93,7 @@ int run_fit(FitOptions options, const CommonOptions& common) {
     write_atomically(folder / "measures.json", measures_of(family, fitted.parameters).dump(2) + "\n");
     if (!fitted.sheet.empty()) write_image(folder / "fit.jpg", fitted.sheet);
   });
-  write_fitted_capture(out, written, *footage, options.fit.config.fit.silhouette_weight);
+  write_fitted_capture(out, written, *footage, options.fit.config.fit);
   print_report(report_of(written, family, fitted), common.json);
   log::info("next: doppel track {} --config {} --out {}", out.string(), (out / "track.yaml").string(),
             (out / "tracked").string());

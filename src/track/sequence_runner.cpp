@@ -29,7 +29,7 @@ TrackedSequence SequenceRunner::run(const FootageSequence& sequence, Progress& p
   const std::vector<long> shown = spread_frames(sequence, options_.sheet_frames);
   const auto is_shown = [&](long frame) { return std::find(shown.begin(), shown.end(), frame) != shown.end(); };
   std::optional<TrackSheet> sheet;
-  if (!shown.empty()) sheet.emplace(footage_.cameras(), tracker_.model(), options_.sheet_pixels);
+  if (!shown.empty()) sheet.emplace(footage_.cameras(), tracker_.model());
   const auto reader = footage_.read(sequence.index);
   const bool images = tracker_.image_use() != ImageUse::none;
   auto read = [&, next = sequence.first_frame]() mutable -> std::optional<Read> {

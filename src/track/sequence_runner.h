@@ -12,7 +12,6 @@ namespace doppel {
 struct SequenceRunOptions {
   int sheet_frames = 0;              ///< number of frames in the contact sheet, spread over the sequence; 0: no sheet
   std::filesystem::path sheet = {};  ///< file of the contact sheet (TrackSheet), JPEG; needed if sheet_frames is not 0
-  int sheet_pixels = 256;            ///< side of the windows in which the outlines of the surface are found, pixels
   int frames_ahead = 0;              ///< largest number of frames that a second thread reads ahead; 0: no second thread
 };
 

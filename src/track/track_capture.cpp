@@ -24,9 +24,7 @@ constexpr int kSmoothingDegree = 2;  // a weighted mean would flatten fast motio
 TrackedSequence track_sequence(const Footage& footage, const Character& character, const TrackOptions& options,
                                const FootageSequence& sequence, Progress& progress) {
   const auto tracker = make_multiview_tracker(footage, character, options.config);
-  SequenceRunner runner(
-      footage, *tracker,
-      {options.sheet_frames, options.out / (sequence.name + ".jpg"), options.config.fit.outline_pixels});
+  SequenceRunner runner(footage, *tracker, {options.sheet_frames, options.out / (sequence.name + ".jpg")});
   TrackedSequence tracked = runner.run(sequence, progress);
   make_motion(tracked, tracker->model().root(), options.config.smoothing, kSmoothingDegree);
   return tracked;

@@ -41,8 +41,8 @@ class Cell {
 
 }  // namespace
 
-TrackSheet::TrackSheet(const std::vector<PinholeCamera>& cameras, const PoseModel& model, int outline_pixels)
-    : cameras_(cameras), model_(model), outlines_(model.character(), cameras, outline_pixels, kManyVertices) {
+TrackSheet::TrackSheet(const std::vector<PinholeCamera>& cameras, const PoseModel& model)
+    : cameras_(cameras), model_(model), outlines_(model.character(), cameras, kManyVertices) {
   const int available = static_cast<int>(cameras.size()), columns = std::min(available, kMaxColumns);
   for (int i = 0; i < columns; ++i) shown_.push_back(i * available / columns);
 }

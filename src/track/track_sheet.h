@@ -14,7 +14,7 @@ namespace doppel {
 /// outline; red: vertices on the outline of the fitted surface; yellow: landmarks; blue: keypoints.
 class TrackSheet {
  public:
-  TrackSheet(const std::vector<PinholeCamera>& cameras, const PoseModel& model, int outline_pixels);
+  TrackSheet(const std::vector<PinholeCamera>& cameras, const PoseModel& model);
   void add(long frame, const FootageFrame& seen, const TrackedFrame& found);
   bool empty() const { return rows_.empty(); }
   /// 8-bit BGR

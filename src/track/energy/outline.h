@@ -10,12 +10,12 @@
 
 namespace doppel {
 
-/// Finds the vertices on the outline of a surface in every camera (`boundary_vertices`). The surface is drawn in the
-/// window of each camera's outline field.
+/// Finds the vertices on the outline of a surface in every camera, and how far inside of the drawn outline they lie.
+/// The surface is drawn in the window of each camera's outline field.
 class OutlineFinder {
  public:
-  /// @param pixels side of the windows @param most vertices of one camera; more are thinned out evenly
-  OutlineFinder(const Character& character, std::vector<PinholeCamera> cameras, int pixels, int most);
+  /// @param most vertices of one camera; more are thinned out evenly
+  OutlineFinder(const Character& character, std::vector<PinholeCamera> cameras, int most);
   ~OutlineFinder();
   OutlineFinder(const OutlineFinder&) = delete;
   OutlineFinder& operator=(const OutlineFinder&) = delete;
@@ -28,7 +28,6 @@ class OutlineFinder {
 
  private:
   struct State;
-  struct Windows;
   std::unique_ptr<const State> state_;
 };
 

@@ -56,7 +56,6 @@ TrackConfig read_track_config(const ConfigDocument& document, TrackConfig config
   const ConfigReader root = document.root();
   read_keys(root, config);
   root.finish();
-  config.surface.outline_pixels = config.fit.outline_pixels;
   return config;
 }
 

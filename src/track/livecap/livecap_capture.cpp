@@ -74,9 +74,8 @@ SequenceReport track_sequence(const Footage& footage, const LivecapCaptureOption
   const auto tracker =
       make_livecap_tracker(footage.character(), footage.landmarks(), footage.cameras().front(), options.config);
   LivecapOutputs outputs(footage, *tracker, options, sequence, preview);
-  SequenceRunner runner(
-      footage, *tracker,
-      {options.sheet_frames, options.out / (sequence.name + ".jpg"), options.config.fit.outline_pixels, kFramesAhead});
+  SequenceRunner runner(footage, *tracker,
+                        {options.sheet_frames, options.out / (sequence.name + ".jpg"), kFramesAhead});
   runner.on_frame(
       [&](long frame, const FootageFrame& seen, const FrameResult& found) { outputs.add(frame, seen, found); });
   TrackedSequence tracked = runner.run(sequence, progress);

@@ -70,7 +70,7 @@ MultiviewTracker::MultiviewTracker(const Character& character, const std::vector
     : model_(character, landmarks, dofs),
       cameras_(std::move(cameras)),
       options_(options),
-      outlines_(character, cameras_, options.outline_pixels, options.outline_vertices),
+      outlines_(character, cameras_, options.outline_vertices),
       rigidity_(rigidity_of_landmarks(model_)),
       shared_(character.rest_dofs),
       history_(shared_) {

@@ -92,7 +92,7 @@ std::vector<double> fit_shape(const ShapeFamily& family, const std::vector<std::
   if (frames.empty()) fail("there is no frame to fit the shape to");
   const MultiviewOptions& images = options.images;
   const ShapeSource source(family, landmarks);
-  const OutlineFinder outlines(family.character(start), cameras, images.outline_pixels, images.outline_vertices);
+  const OutlineFinder outlines(family.character(start), cameras, images.outline_vertices);
   std::vector<ShapeModel> models;
   for (const PosedEvidence& frame : frames) models.emplace_back(source, frame.dofs);
   std::vector<double> shape = start;

@@ -34,7 +34,7 @@ std::vector<double> fit_shared_dofs(const Character& character, const std::vecto
                                     const std::vector<PosedEvidence>& frames, const MultiviewOptions& options) {
   const PoseModel model(character, landmarks, dofs);
   check(model, dofs, frames);
-  const OutlineFinder outlines(character, cameras, options.outline_pixels, options.outline_vertices);
+  const OutlineFinder outlines(character, cameras, options.outline_vertices);
   std::vector<double> found = character.rest_dofs;
   for (int round = 0; round < kRounds; ++round) {
     SharedProblem<PoseModel> problem;

@@ -230,9 +230,7 @@ TrackReport refine_capture(const Footage& footage, const RefineOptions& options)
   for (std::size_t i = 0; i < chosen.size() && !is_stopped(report); ++i) {
     const FootageSequence& sequence = chosen[i];
     tracker.start(motions[i], sequence.first_frame);
-    SequenceRunner runner(
-        footage, tracker,
-        {options.sheet_frames, options.out / (sequence.name + ".jpg"), options.config.fit.outline_pixels});
+    SequenceRunner runner(footage, tracker, {options.sheet_frames, options.out / (sequence.name + ".jpg")});
     TrackedSequence tracked = runner.run(sequence, progress);
     make_motion(tracked, tracker.model().root(), options.smoothing, kSmoothingDegree);
     write_poses(refined, footage.capture().fps, options.out, tracked);

@@ -32,7 +32,7 @@ FrameRefiner::FrameRefiner(const Character& character, const std::vector<Marker>
       config_(config),
       weights_(weights),
       model_(character, landmarks, chosen_dofs(config.dofs, character.skeleton, landmarks)),
-      outlines_(character, cameras, config.fit.outline_pixels, config.fit.outline_vertices),
+      outlines_(character, cameras, config.fit.outline_vertices),
       drawer_(character.mesh),
       finder_(weights.flow_width) {}
 

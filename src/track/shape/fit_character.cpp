@@ -69,7 +69,7 @@ void bake(const Footage& footage, const FitCharacterOptions& options, FittedChar
 
 cv::Mat sheet_of(const Footage& footage, const FitCharacterOptions& options, const FittedCharacter& fitted) {
   const PoseModel model(fitted.character, fitted.landmarks, {});
-  TrackSheet sheet(footage.cameras(), model, options.config.fit.outline_pixels);
+  TrackSheet sheet(footage.cameras(), model);
   const std::size_t count = fitted.poses.frames.size();
   const std::size_t step = std::max<std::size_t>(1, count / as_size(std::max(1, options.sheet_frames)));
   PosedImages(footage, fitted.poses).each([&](std::size_t f, const FootageFrame& seen) {
@@ -95,20 +95,28 @@ void warn_of_disagreement(const Footage& footage, const SeenFrames& frames) {
         residual, footage.capture().file.string());
 }
 
-/// Bends the template to the outlines of all frames, and finds the poses again.
+/// The template bent to the outlines of all frames.
+Character bent_template(const Footage& footage, const FitCharacterOptions& options, const FittedCharacter& fitted,
+                        Progress& progress) {
+  TemplateFit fit(fitted.character, fitted.landmarks, footage.cameras(), options.config.surface);
+  for (const PosedEvidence& frame : fitted.poses.frames) {
+    fit.add(frame.seen, frame.dofs);
+    progress.advance(1, "surface");
+  }
+  return fit.character();
+}
+
+/// Bends the template and finds the poses again, while their overlap with the masks grows.
 void bend(const Footage& footage, const SeenFrames& frames, const FitCharacterOptions& options, FittedCharacter& fitted,
           Progress& progress) {
   for (int round = 0; round < options.bends; ++round) {
-    TemplateFit fit(fitted.character, fitted.landmarks, footage.cameras(), options.config.surface);
-    double overlap = 0.0;
-    for (const PosedEvidence& frame : fitted.poses.frames) {
-      overlap += fit.add(frame.seen, frame.dofs) / static_cast<double>(fitted.poses.frames.size());
-      progress.advance(1, "surface");
-    }
-    fitted.character = fit.character();
-    fitted.poses = find_poses(fitted.character, fitted.landmarks, footage.cameras(), frames, options.config);
-    log::info("surface bent to the outlines: IoU {:.4f} of each frame's surface, {:.4f} of the common template",
-              overlap, fitted.poses.overlap);
+    Character bent = bent_template(footage, options, fitted, progress);
+    PosedFrames poses = find_poses(bent, fitted.landmarks, footage.cameras(), frames, options.config);
+    log::info("surface bent to the outlines: IoU of the template {:.4f}, {:.4f} before", poses.overlap,
+              fitted.poses.overlap);
+    if (poses.overlap <= fitted.poses.overlap) return;
+    fitted.character = std::move(bent);
+    fitted.poses = std::move(poses);
   }
 }
 

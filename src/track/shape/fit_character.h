@@ -12,15 +12,20 @@ namespace doppel {
 struct FitCharacterOptions {
   std::vector<std::string> sequences;  ///< names; empty: those for training, or all where there are none
   int frames = 24;                     ///< that the body is fitted to, of all sequences together
-  int bends = 2;                       ///< how often the surface is bent to the outlines; 0 without masks
+  int bends = 8;                       ///< how often the surface is bent to the outlines at most; 0 without masks
   int texture_size = 1024;             ///< texels along each side; 0: no texture
   int sheet_frames = 4;                ///< rows of the contact sheet
   TrackConfig config;                  ///< of poses and surface
   ShapeRounds shape;
 
-  /// Outlines count twenty times as much as in tracking: keypoints are off in the same way in all frames, so a body
-  /// that follows them is off, too.
-  FitCharacterOptions() { config.fit.silhouette_weight = 100.0; }
+  /// Outlines count more than in tracking by default, and keypoints less: keypoints are off in the same way in all
+  /// frames, so a body that follows them is off, too. Finer outlines make the body more accurate.
+  FitCharacterOptions() {
+    config.fit.keypoint_weight = 0.3;
+    config.fit.silhouette_weight = 100.0;
+    config.fit.outline_pixels = 512;
+    config.fit.outline_vertices = 600;
+  }
 };
 
 /// A character made from a capture.

@@ -55,7 +55,7 @@ PosedFrames find_poses(const Character& character, const std::vector<Marker>& la
                        const std::vector<PinholeCamera>& cameras, const SeenFrames& frames, const TrackConfig& config) {
   MultiviewTracker tracker(character, landmarks, chosen_dofs(config.dofs, character.skeleton, landmarks), cameras,
                            config.fit);
-  const OutlineFinder outlines(character, cameras, config.fit.outline_pixels, config.fit.outline_vertices);
+  const OutlineFinder outlines(character, cameras, config.fit.outline_vertices);
   PosedFrames result;
   for (std::size_t f = 0; f < frames.seen.size(); ++f) {
     tracker.cut();

@@ -30,7 +30,7 @@ SurfaceTracker::SurfaceTracker(const Character& character, const std::vector<Mar
     : model_(character, landmarks),
       cameras_(std::move(cameras)),
       options_(options),
-      outlines_(character, cameras_, options.outline_pixels, options.outline_vertices) {
+      outlines_(character, cameras_, options.outline_vertices) {
   check(options);
 }
 

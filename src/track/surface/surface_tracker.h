@@ -25,7 +25,6 @@ struct SurfaceOptions {
   double temporal_weight = 1.0e5;  ///< per squared metre: nodes to their parameters in the last frame
   double rest_weight = 1.0e4;      ///< per squared metre: nodes to no deformation
 
-  int outline_pixels = 256;    ///< side of the windows in which outlines are found
   int outline_vertices = 400;  ///< largest number of outline vertices, and of contour points, per camera
   int rounds = 2;              ///< how often outlines are found again in a frame
   SolverOptions solver{4};     ///< of each round

@@ -10,6 +10,7 @@
 #include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/raster/rasterizer.h"
+#include "doppel/track/energy/drawn_outline.h"
 
 namespace doppel {
 namespace {
@@ -46,37 +47,6 @@ struct SurfaceViewer::State {
       result.data[i] = face_id[i] < 0 ? 0 : static_cast<unsigned char>(face_parts[face_id[i]]);
     return result;
   }
-
-  bool on_outline(const int* face_id, int column, int row) const {
-    for (int y = row - 1; y <= row + 1; ++y)
-      for (int x = column - 1; x <= column + 1; ++x)
-        if (face_id[y * pixels + x] < 0) return true;
-    return false;
-  }
-
-  /// Signed distance of a pixel to the outline of the drawn surface, - inside: the distance to the nearest pixel on the
-  /// other side, less half a pixel. Exact for pixels that have one of the other side among the 5x5 around them.
-  double distance_of_pixel(const int* face_id, int column, int row) const {
-    const bool inside = face_id[row * pixels + column] >= 0;
-    int nearest = 9;  // squared
-    for (int y = std::max(0, row - 2); y <= std::min(pixels - 1, row + 2); ++y)
-      for (int x = std::max(0, column - 2); x <= std::min(pixels - 1, column + 2); ++x)
-        if ((face_id[y * pixels + x] >= 0) != inside)
-          nearest = std::min(nearest, (x - column) * (x - column) + (y - row) * (y - row));
-    const double distance = std::sqrt(static_cast<double>(nearest)) - 0.5;
-    return inside ? -distance : distance;
-  }
-
-  /// Signed distance of a point of the window to the outline of the drawn surface, pixels of the window, - inside.
-  /// Interpolated like `OutlineField`, so that a surface that covers exactly the mask has residual 0.
-  double distance(const int* face_id, double u, double v) const {
-    const double x = u - 0.5, y = v - 0.5;
-    const int column = std::clamp(static_cast<int>(x), 0, pixels - 2),
-              row = std::clamp(static_cast<int>(y), 0, pixels - 2);
-    const double fx = x - column, fy = y - row;
-    const auto at = [&](int down, int right) { return distance_of_pixel(face_id, column + right, row + down); };
-    return (1.0 - fy) * ((1.0 - fx) * at(0, 0) + fx * at(0, 1)) + fy * ((1.0 - fx) * at(1, 0) + fx * at(1, 1));
-  }
 };
 
 SurfaceViewer::SurfaceViewer(const Character& character, const PinholeCamera& camera, int pixels)
@@ -96,6 +66,7 @@ SurfaceView SurfaceViewer::look(const PosedSurface& surface, const CropBox& wind
   const auto count = as_size(surface.vertices.cols());
   const Eigen::Vector3d centre = camera.centre();
   const double reference = reference_pixels(state_->camera) * window.image_pixels_per_pixel(pixels);
+  const DrawnOutline drawn(cv::Mat(pixels, pixels, CV_32S, image.face_id.data_ptr<int>()) >= 0);
   SurfaceView view;
   view.visible.assign(count, 0);
   for (std::size_t i = 0; i < count; ++i) {
@@ -107,8 +78,8 @@ SurfaceView SurfaceViewer::look(const PosedSurface& surface, const CropBox& wind
     const int column = static_cast<int>(u), row = static_cast<int>(v);
     view.visible[i] = surface.normals[i].dot(centre - vertex) > 0.0 &&
                       depth[row * pixels + column] >= static_cast<float>(seen.z()) - kOcclusionTolerance;
-    if (state_->on_outline(face_id, column, row))
-      view.outline.push_back({0, static_cast<int>(i), reference * state_->distance(face_id, u, v)});
+    if (const auto distance = drawn.distance(u, v))
+      view.outline.push_back({0, static_cast<int>(i), reference * *distance});
   }
   const int grown = static_cast<int>(std::lround(growth / window.image_pixels_per_pixel(pixels)));
   view.parts = PartMask(state_->parts(face_id), window, std::max(1, grown));

@@ -43,6 +43,17 @@ TEST_F(ContourTermTest, MeasuresHowFarTheSurfaceIsAlongTheNormal) {
   EXPECT_GT(after / moved.num_rows(), 3.0 * before / at_rest.num_rows());
 }
 
+TEST_F(ContourTermTest, AVertexInsideOfTheOutlineShouldLieAsFarInsideTheMask) {
+  ContourTerm<PoseModel> on_outline = term(4.0);
+  const Residuals before = support::frozen_rows(on_outline, model_, character_.rest_dofs);
+  for (OutlineVertex& vertex : vertices_) vertex.distance = -1.5;
+  ContourTerm<PoseModel> inside = term(4.0);
+  const Residuals after = support::frozen_rows(inside, model_, character_.rest_dofs);
+  ASSERT_EQ(after.num_rows(), before.num_rows());
+  for (Eigen::Index row = 0; row < after.num_rows(); ++row)
+    EXPECT_NEAR(after.value(row), before.value(row) + 1.5, 1e-9);
+}
+
 TEST_F(ContourTermTest, PointsWithoutAPartnerHaveNoRow) {
   std::vector<double> dofs = character_.rest_dofs;
   dofs[1] += 30.0;

@@ -61,7 +61,7 @@ TEST_F(FilmedStranger, BecomesACharacterOfHisLengthsAndShape) {
   RecordProperty("keypoint_error_px", std::to_string(fitted.poses.keypoint_error));
   RecordProperty("overlap_of_measures", std::to_string(fitted.measured_overlap));
   RecordProperty("overlap", std::to_string(fitted.poses.overlap));
-  EXPECT_LT(fitted.poses.keypoint_error, 6.0);
+  EXPECT_LT(fitted.poses.keypoint_error, 8.0) << "1.5 pixels of these images; outlines count more than keypoints";
   EXPECT_GT(fitted.poses.overlap, 0.85);
   EXPECT_GT(fitted.poses.overlap, fitted.measured_overlap) << "the outlines bend the surface";
 

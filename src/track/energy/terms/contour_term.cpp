@@ -11,7 +11,7 @@ ContourTerm<Model>::ContourTerm(const std::vector<PinholeCamera>& cameras, const
     if (!frame[c].outline.empty()) views_[c].points = frame[c].outline.contour(most);
     views_[c].partner.resize(views_[c].points.size());
   }
-  for (const OutlineVertex& vertex : vertices) views_[vertex.camera].vertices.push_back(vertex.vertex);
+  for (const OutlineVertex& vertex : vertices) views_[vertex.camera].vertices.push_back(vertex);
 }
 
 template <typename Model>
@@ -19,12 +19,12 @@ void ContourTerm<Model>::choose_partners(const Model& model, const typename Mode
                                          const PinholeCamera& camera, View& view) const {
   struct Seen {
     Eigen::Vector2d pixel, facing;
-    int vertex;
+    const OutlineVertex* vertex;
   };
   std::vector<Seen> seen;
-  for (const int vertex : view.vertices)
-    if (const auto projected = project_with_jacobian(camera, model.vertex(body, vertex)))
-      seen.push_back({projected->pixel, projected->jacobian * model.normal(body, vertex), vertex});
+  for (const OutlineVertex& vertex : view.vertices)
+    if (const auto projected = project_with_jacobian(camera, model.vertex(body, vertex.vertex)))
+      seen.push_back({projected->pixel, projected->jacobian * model.normal(body, vertex.vertex), &vertex});
   const double limit = farthest_ / reference_pixels(camera);
   for (std::size_t i = 0; i < view.points.size(); ++i) {
     double nearest = limit * limit;
@@ -33,7 +33,7 @@ void ContourTerm<Model>::choose_partners(const Model& model, const typename Mode
       const double distance = (candidate.pixel - view.points[i].pixel).squaredNorm();
       if (distance >= nearest || candidate.facing.dot(view.points[i].normal) <= 0.0) continue;
       nearest = distance;
-      view.partner[i] = candidate.vertex;
+      view.partner[i] = *candidate.vertex;
     }
   }
 }
@@ -52,16 +52,17 @@ void ContourTerm<Model>::evaluate(const Model& model, const typename Model::Stat
     const double scale = reference_pixels(cameras_[c]);
     for (std::size_t i = 0; i < view.points.size(); ++i) {
       if (!view.partner[i]) continue;
+      const auto& [number, vertex, distance] = *view.partner[i];
       const Eigen::Index row = rows.add_group(weight_ / static_cast<double>(view.points.size()));
-      const auto projected = project_with_jacobian(cameras_[c], model.vertex(body, *view.partner[i]));
+      const auto projected = project_with_jacobian(cameras_[c], model.vertex(body, vertex));
       if (!projected) {
         rows.value(row) = kBehindCamera;
         continue;
       }
       const OutlineField::Point& point = view.points[i];
-      rows.value(row) = scale * point.normal.dot(projected->pixel - point.pixel);
+      rows.value(row) = scale * point.normal.dot(projected->pixel - point.pixel) - distance;
       if (jacobian)
-        model.add_vertex_jacobian(body, *view.partner[i], scale * projected->jacobian.transpose() * point.normal,
+        model.add_vertex_jacobian(body, vertex, scale * projected->jacobian.transpose() * point.normal,
                                   rows.jacobian(row));
     }
   }

@@ -11,9 +11,9 @@ namespace doppel {
 
 /// Pulls the outline of the surface to points of the mask's outline: the reverse of `SilhouetteTerm`, for parts of the
 /// mask that are far from every outline vertex. Before each step, every point c of the mask's outline is paired with
-/// the nearest outline vertex that faces the same way. The residual is n^T (pi(v) - c), with n the normal of the mask's
-/// outline, in reference pixels (image 1024 wide). Points without a vertex within `farthest` have no residual. The
-/// points of a camera share `weight` equally.
+/// the nearest outline vertex that faces the same way. The residual is n^T (pi(v) - c) - `OutlineVertex::distance`,
+/// with n the normal of the mask's outline, in reference pixels (image 1024 wide). Points without a vertex within
+/// `farthest` have no residual. The points of a camera share `weight` equally.
 template <typename Model>
 class ContourTerm : public Term<Model> {
  public:
@@ -32,8 +32,8 @@ class ContourTerm : public Term<Model> {
  private:
   struct View {
     std::vector<OutlineField::Point> points;
-    std::vector<int> vertices;
-    std::vector<std::optional<int>> partner;  ///< [points] a vertex
+    std::vector<OutlineVertex> vertices;
+    std::vector<std::optional<OutlineVertex>> partner;  ///< [points]
   };
   void choose_partners(const Model& model, const typename Model::State& body, const PinholeCamera& camera,
                        View& view) const;
