@@ -275,15 +275,14 @@ TEST(EngineClip, ShapesAndHelpersAreCompressed) {
     options.helpers = helpers;
     options.shapes = 4;
     options.windows = 100;
-    const std::vector<Motion> motions{swaying_motion(actor.character, 60, 1), swaying_motion(actor.character, 30, 2)};
-    const EngineClipReport plain = written_clip(actor, folder.path(), motions, options);
     options.compress = true;
-    const EngineClipReport packed = written_clip(actor, folder.path(), motions, options);
+    const EngineClipReport report =
+        written_clip(actor, folder.path(),
+                     {swaying_motion(actor.character, 60, 1), swaying_motion(actor.character, 30, 2)}, options);
     EXPECT_EQ(support::GltfPose(folder / "engine.glb").json["extensionsRequired"][0], "EXT_meshopt_compression");
-    ASSERT_TRUE(packed.figure.compression);
-    EXPECT_LT(packed.figure.compression->worst, 0.1);
-    EXPECT_FALSE(plain.figure.compression);
-    EXPECT_NEAR(packed.figure.mean_error_mm, plain.figure.mean_error_mm, 0.05);
+    ASSERT_TRUE(report.figure.compression);
+    EXPECT_GT(report.figure.compression->worst, 0.0);
+    EXPECT_LT(report.figure.compression->worst, 0.1);
   }
 }
 

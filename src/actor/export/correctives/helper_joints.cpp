@@ -18,7 +18,7 @@ constexpr int kRegroupings = 4;          ///< of the vertices of the first helpe
 constexpr std::size_t kMinGroup = 8;     ///< vertices of a first helper
 constexpr double kWeightDamping = 1e-7;  ///< square metres a frame, of the sum of squared weights
 constexpr double kRestDamping = 1e-3;    ///< a frame, of the distance from the first rest vertices
-constexpr double kIdleReach = 0.5;        ///< vertices; a helper with fewer begins anew elsewhere
+constexpr double kIdleReach = 0.5;       ///< vertices; a helper with fewer begins anew elsewhere
 
 using Joints = std::vector<int>;
 
