@@ -1,35 +1,47 @@
 #include "doppel/actor/export/correctives/fit_helpers.h"
 
-#include <fmt/format.h>
-
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <set>
 
 #include "doppel/core/as_size.h"
 
 namespace doppel {
 namespace {
 
-constexpr std::size_t kHelperFrames = 256;  ///< of the clips, and as many windows
-constexpr double kMetricDamping = 1e-4;     ///< of the mean of the diagonal
+constexpr std::size_t kHelperFrames = 256;   ///< of the clips, and as many windows
+constexpr Eigen::Index kMaxComponents = 48;  ///< of the parameters of all helpers; more are noise of the fit
 
-/// M of bones: from where they are at rest to where they are.
-std::vector<Eigen::Affine3d> moved_from_rest(const Figure& figure, const std::vector<Eigen::Affine3d>& posed) {
-  std::vector<Eigen::Affine3d> moved;
-  for (std::size_t b = 0; b < posed.size(); ++b) moved.push_back(posed[b] * figure.rest[b].inverse());
-  return moved;
-}
+/// Components of parameters p: c = of_parameters (p - mean), and p = mean + parameters c.
+struct ComponentBasis {
+  Eigen::VectorXf mean;           ///< [P]
+  Eigen::MatrixXf of_parameters;  ///< [C, P]
+  Eigen::MatrixXf parameters;     ///< [P, C]
 
-Eigen::Matrix3Xd columns_of(std::span<const float> vertices) {
-  return Eigen::Map<const Eigen::Matrix3Xf>(vertices.data(), 3, static_cast<Eigen::Index>(vertices.size() / 3))
-      .cast<double>();
-}
+  WeightSamples of(WeightSamples samples) const {
+    const torch::Tensor rows = samples.weights, found = torch::empty({rows.size(0), of_parameters.rows()});
+    rows_of(found) = (rows_of(rows).rowwise() - mean.transpose()) * of_parameters.transpose();
+    samples.weights = found;
+    return samples;
+  }
 
-Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d matrix;
-  matrix << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return matrix;
+  using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  static Eigen::Map<Rows> rows_of(const torch::Tensor& rows) {
+    return {rows.data_ptr<float>(), rows.size(0), rows.size(1)};
+  }
+};
+
+/// The principal components for a metric, in which they are orthonormal.
+/// @param samples [S, P] @param metric [P, P] positive definite
+ComponentBasis components_of(const torch::Tensor& samples, const Eigen::MatrixXd& metric) {
+  const Eigen::MatrixXd rows = ComponentBasis::rows_of(samples).cast<double>();
+  const Eigen::VectorXd mean = rows.colwise().mean();
+  const Eigen::MatrixXd root = Eigen::LLT<Eigen::MatrixXd>(metric).matrixU();
+  const Eigen::MatrixXd scaled = (rows.rowwise() - mean.transpose()) * root.transpose(),
+                        products = scaled.transpose() * scaled;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(products);
+  const Eigen::MatrixXd ways = solver.eigenvectors().rightCols(std::min(kMaxComponents, root.rows()));
+  return {mean.cast<float>(), (ways.transpose() * root).cast<float>(), (root.inverse() * ways).cast<float>()};
 }
 
 class HelperFit {
@@ -59,7 +71,7 @@ class HelperFit {
     surface.vertices.resize(3 * static_cast<Eigen::Index>(used.size() + drawn.size()),
                             static_cast<Eigen::Index>(figure_.node.size()));
     const auto add = [&](const std::vector<double>& dofs, std::span<const float> vertices) {
-      surface.vertices.middleRows<3>(3 * static_cast<Eigen::Index>(surface.bones.size())) = columns_of(vertices);
+      surface.vertices.middleRows<3>(3 * static_cast<Eigen::Index>(surface.bones.size())) = vertex_columns(vertices);
       surface.bones.push_back(moved_from_rest(figure_, pose_nodes(figure_, skeleton_, dofs)));
     };
     for (const std::size_t t : used) add(frames_.clip.dofs[t], frames_.clip.vertices[t]);
@@ -68,16 +80,14 @@ class HelperFit {
     return surface;
   }
 
-  /// In units of the displacements that they cause, errors of all parameters count the same.
+  /// Errors count as far as they move vertices: what is fitted are the principal components of the parameters in units
+  /// of the displacements that they cause.
   HelperFunction fitted_function(const HelperFigure& helpers) const {
-    const Eigen::LLT<Eigen::MatrixXd> metric(helpers.metric());
-    const Eigen::MatrixXf root = Eigen::MatrixXd(metric.matrixU()).cast<float>();
-    SampleList parameters, samples;
+    SampleList samples;
     const auto add = [&](Eigen::VectorXf inputs, const std::vector<double>& dofs, std::span<const float> vertices,
                          auto... held_out) {
-      const Eigen::VectorXf found = helpers.parameters(helpers.under(pose_nodes(figure_, skeleton_, dofs), vertices));
-      samples.add(inputs, root * found, held_out...);
-      parameters.add(std::move(inputs), found, held_out...);
+      samples.add(std::move(inputs), helpers.parameters(helpers.under(pose_nodes(figure_, skeleton_, dofs), vertices)),
+                  held_out...);
     };
     ask_actor(teacher_, windows_, "asking the actor", [&](std::size_t i, std::span<const float> vertices) {
       add(inputs_of_window(function_, figure_, skeleton_, windows_[i]), windows_[i].back(), vertices);
@@ -85,9 +95,10 @@ class HelperFit {
     for (std::size_t t = 0; t < frames_.use.size(); ++t)
       if (frames_.use[t] != FrameUse::unseen)
         add(frames_.inputs[t], frames_.clip.dofs[t], frames_.clip.vertices[t], frames_.use[t] == FrameUse::held_out);
-    HelperFunction result{function_, parameters.low(), parameters.high()};
-    fit_weights(samples.tensors(), options_.weights, result.shares);
-    mix_weights(result.shares, Eigen::MatrixXd(metric.matrixU()).inverse().cast<float>());
+    HelperFunction result{function_, samples.low(), samples.high()};
+    const ComponentBasis basis = components_of(samples.tensors().weights, helpers.metric());
+    fit_weights(basis.of(samples.tensors()), options_.weights, result.shares);
+    mix_weights(result.shares, basis.parameters, basis.mean);
     scale_weights(result.shares, result.low, result.high);
     return result;
   }
@@ -102,76 +113,6 @@ class HelperFit {
 };
 
 }  // namespace
-
-HelperFigure::HelperFigure(const Figure& bones, HelperSkin skin)
-    : skin_(std::make_unique<HelperSkin>(std::move(skin))), poser_(*skin_), figure_(bones), standing_(bones.rest) {
-  std::set<std::string> taken;
-  for (const FigureNode& node : bones.nodes) taken.insert(node.name);
-  for (std::size_t h = 0, number = 0; h < skin_->parents.size(); ++h) {
-    std::string name;
-    do name = fmt::format("Helper_{}", ++number);
-    while (!taken.insert(name).second);
-    const Eigen::Affine3d& bone = bones.rest[parent(h)];
-    const Eigen::Affine3d mean = bone.inverse() * skin_->mean[h] * bone;
-    const Eigen::Affine3d local =
-        Eigen::Translation3d(bone.inverse() * poser_.centre(h)) * Eigen::Quaterniond(mean.linear()).conjugate();
-    figure_.nodes.push_back({name, skin_->parents[h], bones.nodes[parent(h)].joint});
-    figure_.rest.push_back(bone * local);
-    standing_.push_back(bone * mean * local);
-  }
-  figure_.rest_vertices = skin_->skin.rest;
-  figure_.node = skin_->skin.joint;
-  figure_.weight = skin_->skin.weight;
-}
-
-std::vector<Eigen::Affine3d> HelperFigure::under(const std::vector<Eigen::Affine3d>& bones,
-                                                 std::span<const float> vertices) const {
-  const std::vector<Eigen::Affine3d> moved = poser_.pose(moved_from_rest(figure_, bones), columns_of(vertices));
-  std::vector<Eigen::Affine3d> all = bones;
-  for (std::size_t h = 0; h < moved.size(); ++h) all.push_back(moved[h] * figure_.rest[bones.size() + h]);
-  return all;
-}
-
-Eigen::VectorXf HelperFigure::parameters(const std::vector<Eigen::Affine3d>& nodes) const {
-  Eigen::VectorXf result(6 * static_cast<Eigen::Index>(skin_->parents.size()));
-  for (std::size_t h = 0; h < skin_->parents.size(); ++h) {
-    const Eigen::Affine3d local = nodes[parent(h)].inverse() * nodes[as_size(skin_->bones) + h];
-    const Eigen::AngleAxisd turn{Eigen::Quaterniond(local.linear())};
-    const auto at = static_cast<Eigen::Index>(6 * h);
-    result.segment<3>(at) = local.translation().cast<float>();
-    result.segment<3>(at + 3) = (turn.angle() * turn.axis()).cast<float>();
-  }
-  return result;
-}
-
-std::vector<Eigen::Affine3d> HelperFigure::nodes(const std::vector<Eigen::Affine3d>& bones,
-                                                 const std::vector<Eigen::Affine3d>& helpers) const {
-  std::vector<Eigen::Affine3d> all = bones;
-  for (std::size_t h = 0; h < helpers.size(); ++h) all.push_back(bones[parent(h)] * helpers[h]);
-  return all;
-}
-
-Eigen::MatrixXd HelperFigure::metric() const {
-  const auto size = static_cast<Eigen::Index>(6 * skin_->parents.size());
-  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(size, size);
-  const LinearSkin& skin = skin_->skin;
-  for (std::size_t v = 0; v < skin.rest.size(); ++v) {
-    std::vector<std::pair<Eigen::Index, Eigen::Matrix<double, 3, 6>>> moves;
-    for (std::size_t i = 0; i < 4; ++i) {
-      const int helper = skin.joint[v][i] - skin_->bones;
-      if (helper < 0 || !(skin.weight[v][i] > 0.0F)) continue;
-      const Eigen::Vector3d point = figure_.rest[as_size(skin.joint[v][i])].inverse() * skin.rest[v];
-      Eigen::Matrix<double, 3, 6> move;
-      move << Eigen::Matrix3d::Identity(), -cross_matrix(point);
-      moves.emplace_back(
-          6 * helper, static_cast<double>(skin.weight[v][i]) * figure_.rest[parent(as_size(helper))].linear() * move);
-    }
-    for (const auto& [a, left] : moves)
-      for (const auto& [b, right] : moves) sum.block<6, 6>(a, b) += left.transpose() * right;
-  }
-  sum.diagonal().array() += kMetricDamping * sum.diagonal().mean() + 1e-12;
-  return sum;
-}
 
 FittedHelpers fit_helpers(const Figure& figure, const Skeleton& skeleton, const CorrectiveFunction& function,
                           const EngineTeacher& teacher, const EngineFrames& frames, const HelperFitOptions& options) {

@@ -187,10 +187,10 @@ void fit_weights(const WeightSamples& samples, const WeightFitOptions& options, 
   function.output = matrix_of(layers.output * s.unit);
 }
 
-void mix_weights(CorrectiveFunction& function, const Eigen::MatrixXf& matrix) {
+void mix_weights(CorrectiveFunction& function, const Eigen::MatrixXf& matrix, const Eigen::VectorXf& offset) {
   function.linear = matrix * function.linear;
   function.output = matrix * function.output;
-  function.offset = matrix * function.offset;
+  function.offset = matrix * function.offset + offset;
 }
 
 void scale_weights(CorrectiveFunction& function, const Eigen::VectorXf& low, const Eigen::VectorXf& high) {

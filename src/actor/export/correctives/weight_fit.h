@@ -46,8 +46,8 @@ struct WeightFitOptions {
 /// @throws Error unless there are at least two samples to fit and one that is held out
 void fit_weights(const WeightSamples& samples, const WeightFitOptions& options, CorrectiveFunction& function);
 
-/// Replaces the weights w by M w. @param matrix M [K, K]
-void mix_weights(CorrectiveFunction& function, const Eigen::MatrixXf& matrix);
+/// Replaces the weights w [K] by M w + offset. @param matrix M [L, K] @param offset [L]
+void mix_weights(CorrectiveFunction& function, const Eigen::MatrixXf& matrix, const Eigen::VectorXf& offset);
 
 /// Replaces each weight w by (w - low) / (high - low). @param low, high [K]
 void scale_weights(CorrectiveFunction& function, const Eigen::VectorXf& low, const Eigen::VectorXf& high);
