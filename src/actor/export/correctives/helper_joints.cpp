@@ -108,7 +108,7 @@ class HelperSearch {
     const Eigen::Index at = 4 * index_of(first), size = 4 * index_of(count);
     const auto changed = columns_.middleCols(at, size);
     products_.middleCols(at, size).noalias() = columns_.transpose() * changed;
-    products_.middleRows(at, size) = products_.middleCols(at, size).transpose();
+    products_.middleRows(at, size) = products_.middleCols(at, size).transpose().eval();
     moments_.middleRows(at, size).noalias() = changed.transpose() * frames_.vertices;
   }
   void update_helpers() { update(found_.bones, options_.helpers); }
@@ -170,6 +170,7 @@ class HelperSearch {
     std::sort(sorted.begin(), sorted.end());
     sorted.resize(std::min(sorted.size(), std::max(kMinGroup, num_vertices() / (2 * as_size(options_.helpers)))));
     std::vector<std::size_t> group;
+    group.reserve(sorted.size());
     for (const auto& [distance, v] : sorted) group.push_back(v);
     return group;
   }
