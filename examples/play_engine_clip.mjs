@@ -1,12 +1,16 @@
 // What a program computes to play `doppel animate --format engine-glb` without networks, here for three.js: the weights
-// of the corrective shapes from the rotations and positions of the bones, now and a moment ago (docs/animate.md).
+// of the corrective shapes, or with --helpers N the transforms of the helper joints, from the rotations and positions of
+// the bones, now and a moment ago (docs/animate.md).
 //   const gltf = await new GLTFLoader().loadAsync('engine.glb');
-//   const correctives = await Correctives.of(gltf), mixer = new AnimationMixer(gltf.scene);
+//   const clothes = await Correctives.of(gltf);            // or Helpers.of(gltf)
+//   const mixer = new AnimationMixer(gltf.scene);
 //   mixer.clipAction(gltf.animations[0]).play();           // or anything else that moves the bones
-//   mixer.addEventListener('loop', () => correctives.reset());
-//   function draw(seconds) { mixer.update(seconds); correctives.update(seconds); renderer.render(scene, camera); }
-// `seconds` is the time since the frame before. The animations in the file set the weights too; `update` comes later
-// and replaces them. The world is in metres with y up, and no bone is scaled.
+//   mixer.addEventListener('loop', () => clothes.reset());
+//   function draw(seconds) { mixer.update(seconds); clothes.update(seconds); renderer.render(scene, camera); }
+// `seconds` is the time since the frame before. The animations in the file set weights and helpers too; `update` comes
+// later and replaces them. For helpers these keys are nearer to the actor than the function, so the clips of the file
+// need no `update`. The world is in metres with y up, and no bone is scaled. A file of --compress needs
+// `loader.setMeshoptDecoder(MeshoptDecoder)`.
 
 /** The product of two rotations x y z w. */
 const product = ([a, b, c, d], [x, y, z, w]) => [
@@ -15,6 +19,12 @@ const inverse = ([x, y, z, w]) => [-x, -y, -z, w];
 const turned = (q, [x, y, z]) => product(product(q, [x, y, z, 0]), inverse(q)).slice(0, 3);
 /** A rotation as three numbers: twice its imaginary part. */
 const vector = ([x, y, z, w]) => [x, y, z].map((value) => (w < 0 ? -2 : 2) * value);
+
+/** A rotation vector, axis times angle, as x y z w. */
+function rotation(v) {
+  const angle = Math.hypot(...v), share = angle > 0 ? Math.sin(angle / 2) / angle : 0;
+  return [...v.map((value) => share * value), Math.cos(angle / 2)];
+}
 
 /** Rows of numbers times a vector, plus a vector. */
 function affine(offset, rows, z) {
@@ -33,17 +43,18 @@ function between(a, b, share) {
   }) };
 }
 
-export class Correctives {
-  /** @param gltf what GLTFLoader made of the file */
-  static async of(gltf) {
+/** A function of the bones: their history, its inputs, and its numbers from 0 to 1. */
+class BoneFunction {
+  /** @param gltf what GLTFLoader made of the file @param key of `extras` @param option that writes it */
+  static async read(gltf, key, option, arrays) {
     const meshes = [];
-    gltf.scene.traverse((node) => { if (node.isSkinnedMesh && node.userData.correctives) meshes.push(node); });
-    if (meshes.length === 0) throw new Error('the file holds no correctives; write it with `doppel animate --format engine-glb`');
-    const f = { ...meshes[0].userData.correctives };
-    if (f.version !== 1) throw new Error(`the file holds correctives of version ${f.version}; this script reads version 1`);
-    for (const name of ['rest', 'mean', 'scale', 'linear', 'offset', 'hidden', 'hiddenOffset', 'output'])
+    gltf.scene.traverse((node) => { if (node.isSkinnedMesh && node.userData[key]) meshes.push(node); });
+    if (meshes.length === 0) throw new Error(`the file holds no ${key}; write it with \`doppel animate --format engine-glb${option}\``);
+    const f = { ...meshes[0].userData[key] };
+    if (f.version !== 1) throw new Error(`the file holds ${key} of version ${f.version}; this script reads version 1`);
+    for (const name of ['rest', 'mean', 'scale', 'linear', 'offset', 'hidden', 'hiddenOffset', 'output', ...arrays])
       f[name] = (await gltf.parser.getDependency('accessor', f[name])).array;
-    return new Correctives(meshes[0], f);
+    return [meshes[0], f];
   }
 
   constructor(mesh, f) {
@@ -55,7 +66,7 @@ export class Correctives {
     this.history = [];
   }
 
-  /** Sets the weights for the bones as they are now. @param seconds since the last call */
+  /** Moves the clothes for the bones as they are now. @param seconds since the last call */
   update(seconds) {
     if (!(seconds >= 0)) throw new Error(`update(${seconds}): give the seconds since the last call, 0 or more`);
     this.time += seconds;
@@ -63,13 +74,12 @@ export class Correctives {
     this.history.push({ time: this.time, bones: this.bones() });
     const oldest = this.time - (this.f.lags.at(-1) ?? 0);
     while (this.history.length > 2 && this.history[1].time <= oldest) this.history.shift();
-    this.mesh.morphTargetInfluences[0] = 1;
-    this.weights(this.inputs()).forEach((weight, k) => (this.mesh.morphTargetInfluences[k + 1] = weight));
+    this.apply(this.weights(this.inputs()));
   }
 
   /** Rotation and position of each bone in the world. */
   bones() {
-    return this.mesh.skeleton.bones.map((bone) => {
+    return this.mesh.skeleton.bones.slice(0, this.f.parents.length).map((bone) => {
       bone.updateWorldMatrix(true, false);
       const p = bone.position.clone(), q = bone.quaternion.clone();
       bone.matrixWorld.decompose(p, q, bone.scale.clone());
@@ -102,5 +112,31 @@ export class Correctives {
     const z = x.map((value, i) => Math.min(limit, Math.max(-limit, (value - mean[i]) * scale[i])));
     const inner = affine(hiddenOffset, hidden, z).map(Math.tanh);
     return affine(affine(offset, linear, z), output, inner).map((weight) => Math.min(1, Math.max(0, weight)));
+  }
+}
+
+export class Correctives extends BoneFunction {
+  static async of(gltf) {
+    return new Correctives(...await BoneFunction.read(gltf, 'correctives', '', []));
+  }
+
+  apply(weights) {
+    this.mesh.morphTargetInfluences[0] = 1;
+    weights.forEach((weight, k) => (this.mesh.morphTargetInfluences[k + 1] = weight));
+  }
+}
+
+export class Helpers extends BoneFunction {
+  static async of(gltf) {
+    return new Helpers(...await BoneFunction.read(gltf, 'helpers', ' --helpers N', ['low', 'high']));
+  }
+
+  apply(weights) {
+    const numbers = Array.from(weights, (share, i) => this.f.low[i] + share * (this.f.high[i] - this.f.low[i]));
+    this.mesh.skeleton.bones.slice(this.f.parents.length).forEach((helper, h) => {
+      helper.position.fromArray(numbers, 6 * h);
+      helper.quaternion.fromArray(rotation(numbers.slice(6 * h + 3, 6 * h + 6)));
+      helper.updateMatrixWorld(true);
+    });
   }
 }

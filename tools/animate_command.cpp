@@ -48,7 +48,7 @@ namespace fs = std::filesystem;
 
 struct AnimateOptions {
   std::string character, model, run, out;
-  std::vector<std::string> motions, unseen;
+  std::vector<std::string> motions;
   std::string renderer = "mesh";
   std::vector<std::string> formats{"npy"};
   std::string bone_rule = "exact";
@@ -63,7 +63,7 @@ struct AnimateOptions {
   std::string names = "skeletool";
   FigureRights rights;
   std::optional<int> morphs;
-  int fit_windows = EngineClipOptions{}.windows;
+  EngineOptions engine;
   double tolerance_mm = 0.1;
   bool compress = false;
   bool loop = false;
@@ -132,7 +132,8 @@ MotionFromFile driven_motion(const AnimateOptions& options, const std::string& m
   for (const std::string& warning : read.warnings) log::warn("{}: {}", motion, warning);
   if (read.guessed_map)
     write_guessed_map(
-        options, options.motions.size() + options.unseen.size() > 1 ? "joint_map_" + name + ".yaml" : "joint_map.yaml",
+        options,
+        options.motions.size() + options.engine.unseen.size() > 1 ? "joint_map_" + name + ".yaml" : "joint_map.yaml",
         *read.guessed_map);
   if (read.retargeting) log_retargeting(*read.retargeting, read.motion.num_frames());
   return read;
@@ -218,7 +219,7 @@ Clip read_clip(const AnimateOptions& options, const std::string& file, const std
 std::vector<Clip> read_clips(const AnimateOptions& options, const Character& character,
                              std::optional<double> training_rate) {
   std::vector<std::string> files = options.motions;
-  files.insert(files.end(), options.unseen.begin(), options.unseen.end());
+  files.insert(files.end(), options.engine.unseen.begin(), options.engine.unseen.end());
   const std::vector<std::string> names = clip_names(files);
   std::vector<Clip> clips;
   for (std::size_t i = 0; i < names.size(); ++i) {
@@ -241,9 +242,7 @@ std::vector<ClipPart> parts_of(const std::vector<Clip>& clips) {
 
 /// @throws UsageError for several motions and a format that holds one
 void refuse_several_motions(const AnimateOptions& options) {
-  if (!options.unseen.empty() && !options.wants("engine-glb"))
-    fail<UsageError>("--unseen belongs to --format engine-glb; other files are not fitted to motions, use --motion");
-  const std::size_t motions = options.motions.size() + options.unseen.size();
+  const std::size_t motions = options.motions.size() + options.engine.unseen.size();
   if (motions < 2) return;
   for (const std::string& format : options.formats)
     if (format != "glb" && format != "splat-rig" && format != "engine-glb")
@@ -510,8 +509,9 @@ FigureOptions figure_options(const AnimateOptions& options, double fps, const st
   figure.rights = options.rights;
   figure.morphs = options.morphs;
   figure.tolerance = 0.001 * options.tolerance_mm;
-  if (options.compress && !figure.glb && !options.wants("splat-rig"))
-    fail<UsageError>("--compress belongs to --format glb and splat-rig; the other files have no compressed form");
+  if (options.compress && !figure.glb && !options.wants("splat-rig") && !options.wants("engine-glb"))
+    fail<UsageError>(
+        "--compress belongs to --format glb, splat-rig and engine-glb; the other files have no compressed form");
   figure.compress = options.compress;
   figure.space = file_space(options);
   return figure;
@@ -565,7 +565,9 @@ std::unique_ptr<SequenceWriter> engine_writer(const AnimateOptions& options, con
   engine.frames_per_second = clips[0].frames.per_second;
   engine.names = bone_names(options);
   engine.tolerance = 0.001 * options.tolerance_mm;
-  engine.windows = options.fit_windows;
+  engine.windows = options.engine.fit_windows;
+  engine.helpers = options.engine.helpers;
+  engine.compress = options.compress;
   if (options.morphs) engine.shapes = *options.morphs;
   int first = 0;
   for (const Clip& clip : clips) {
@@ -730,6 +732,7 @@ std::string clips_text(const std::vector<Clip>& clips) {
 }
 
 int run(const AnimateOptions& options, const CommonOptions& common) {
+  check_engine_options(options.engine, options.wants("engine-glb"), options.morphs.has_value());
   refuse_several_motions(options);
   refuse_space_without_file(options);
   const Performer performer = make_performer(options);
@@ -802,10 +805,6 @@ void add_motion_options(CLI::App& app, AnimateOptions& options) {
          "splat-rig: each becomes an animation of the file, by the name of its own file")
       ->allow_extra_args(false)
       ->required();
-  app.add_option("--unseen", options.unseen,
-                 "With --format engine-glb: a motion like --motion that is written and measured, but not fitted; may "
-                 "be repeated")
-      ->allow_extra_args(false);
   app.add_option("--animation", options.animation, "Which animation of a .glb, .fbx, ... with several, by its name");
   app.add_option("--person", options.person,
                  "Which person of a .c3d or .trc with the points of several, by the name before that of the point");
@@ -882,15 +881,10 @@ void add_figure_options(CLI::App& app, AnimateOptions& options) {
          "and more where the 256 targets of a file do not suffice). With engine-glb: the number of corrective shapes, "
          "2 to 256 (default: 32)")
       ->check(CLI::Range(0, 256));
-  app.add_option("--fit-windows", options.fit_windows,
-                 "With engine-glb: pieces of motion, mixed from the given ones, that the correctives are fitted to; "
-                 "more are nearer to the actor and take longer")
-      ->check(CLI::Range(100, 100000))
-      ->capture_default_str();
   app.add_flag(
       "--compress", options.compress,
       "Compress .glb files (EXT_meshopt_compression), moving no vertex by more than about 0.1 mm; programs must "
-      "know the extension. engine.glb stays as it is");
+      "know the extension");
   app.add_option("--tolerance", options.tolerance_mm, "Error that leaving out keyframes may cause, mm")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
@@ -923,6 +917,7 @@ Command add_animate(CLI::App& program) {
   add_camera_options(*app, *options);
   add_image_options(*app, *options);
   add_figure_options(*app, *options);
+  add_engine_options(*app, options->engine);
   add_space_options(*app, *options);
   app->option_defaults()->group(usual_group);
   app->footer(
@@ -939,6 +934,7 @@ Command add_animate(CLI::App& program) {
       "  doppel animate --character actor/actor.character --motion walk.bvh --motion run.bvh --format glb --out game\n"
       "  doppel animate --run runs/ddc --motion walk.bvh --motion run.bvh --unseen dance.bvh --format engine-glb --out "
       "engine\n"
+      "  doppel animate --run runs/ddc --motion walk.bvh --format engine-glb --helpers 32 --compress --out engine\n"
       "  doppel animate --run runs/hybrid --renderer radiance --motion walk.motion --format mp4 --out views");
   return {app, [options](const CommonOptions& common) { return run(*options, common); }};
 }

@@ -683,11 +683,26 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   EXPECT_GT(correctives["clips"][1]["skinning_mm"].get<double>(),
             correctives["clips"][1]["best_weights_mm"].get<double>());
   EXPECT_TRUE(std::filesystem::exists(at("engine/engine.glb")));
+  // Helper joints in the place of the shapes, compressed.
+  const Outcome joined = run(engine + "--helpers 8 --compress --run " + at("chain") + " --json --out " + at("helpers"));
+  ASSERT_EQ(joined.code, 0) << joined.err;
+  const nlohmann::json helpers = nlohmann::json::parse(joined.out)["engine_glb"];
+  EXPECT_EQ(helpers["helpers"], 8);
+  EXPECT_EQ(helpers["morphs"], 0);
+  EXPECT_TRUE(helpers.contains("compression"));
+  ASSERT_EQ(helpers["clips"].size(), 1u);
+  EXPECT_LT(helpers["clips"][0]["keys_mm"].get<double>(), 0.8 * helpers["clips"][0]["skinning_mm"].get<double>());
+  EXPECT_LT(std::filesystem::file_size(at("helpers/engine.glb")), std::filesystem::file_size(at("engine/engine.glb")));
   const std::string skinned = "--character " + character_file(at("capture/character"), ".character");
   for (const auto& [arguments, message] : std::vector<std::pair<std::string, std::string>>{
            {engine + skinned, "a character alone is skinned"},
            {engine + "--morphs 1 --run " + at("chain"), "2 to 256 corrective shapes"},
            {engine + "--morphs 40 --run " + at("chain"), "at least 120 are needed"},
+           {engine + "--helpers 40 --run " + at("chain"), "fitting 40 helper joints"},
+           {engine + "--helpers 4 --morphs 8 --run " + at("chain"), "not both"},
+           {engine + "--helpers 257 --run " + at("chain"), "--helpers"},
+           {"animate --format glb --motion none.motion --helpers 4 --run " + at("chain"),
+            "--helpers belongs to --format engine-glb"},
            {"animate --format glb --motion none.motion --unseen none.motion --run " + at("chain"),
             "--unseen belongs to --format engine-glb"}}) {
     const Outcome refused = run(arguments + " --out " + at("none"));

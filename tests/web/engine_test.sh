@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# An engine clip of the synthetic actor in a browser: examples/play_engine_clip.mjs moves the vertices as the program.
+# Engine clips of the synthetic actor in a browser: examples/play_engine_clip.mjs moves the vertices as the program, with
+# corrective shapes, and with helper joints in a compressed file.
 #   engine_test.sh DOPPEL; exit code 77: skipped, see check_glb.sh
 set -euo pipefail
 here="$(cd "$(dirname "$0")" && pwd)"
@@ -17,4 +18,9 @@ for take in training testing; do
 done
 quiet "$1" animate --run "$folder/run" --motion "$folder/training.motion" --unseen "$folder/testing.motion" \
   --format engine-glb --morphs 16 --fit-windows 600 --tolerance 0 --out "$folder/engine"
-CHROMIUM="$(command -v chromium)" exec node "$here/check_engine.mjs" "$folder/engine/engine.glb"
+"$1" animate --run "$folder/run" --motion "$folder/training.motion" --format npy,engine-glb --helpers 16 \
+  --fit-windows 600 --tolerance 0 --compress --json --out "$folder/helpers" >"$folder/report.json" 2>"$folder/log" ||
+  { cat "$folder/log" >&2; exit 1; }
+export CHROMIUM="$(command -v chromium)"
+node "$here/check_engine.mjs" "$folder/engine/engine.glb"
+node "$here/check_helpers.mjs" "$folder/helpers/engine.glb" "$folder/helpers/vertices.npy" "$folder/report.json"

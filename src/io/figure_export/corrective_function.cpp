@@ -47,4 +47,16 @@ Eigen::VectorXf CorrectiveFunction::weights(const Eigen::VectorXf& inputs) const
   return (offset + linear * z + output * inner).array().max(0.0F).min(1.0F).matrix();
 }
 
+std::vector<Eigen::Affine3d> HelperFunction::transforms(const Eigen::VectorXf& inputs) const {
+  const Eigen::VectorXd numbers = (low + (high - low).cwiseProduct(shares.weights(inputs))).cast<double>();
+  std::vector<Eigen::Affine3d> helpers;
+  for (Eigen::Index at = 0; at < numbers.size(); at += 6) {
+    const Eigen::Vector3d turn = numbers.segment<3>(at + 3);
+    const double angle = turn.norm();
+    helpers.push_back(Eigen::Translation3d(numbers.segment<3>(at)) *
+                      Eigen::AngleAxisd(angle, angle > 0.0 ? Eigen::Vector3d(turn / angle) : Eigen::Vector3d::UnitX()));
+  }
+  return helpers;
+}
+
 }  // namespace doppel

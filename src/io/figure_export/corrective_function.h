@@ -40,4 +40,14 @@ struct CorrectiveFunction {
   Eigen::VectorXf weights(const Eigen::VectorXf& inputs) const;
 };
 
+/// Helper joints that follow the bones. The function gives 6 numbers of each of the N helpers, one after the other:
+/// translation and rotation vector (axis times angle) relative to its parent bone, as shares of a range.
+struct HelperFunction {
+  CorrectiveFunction shares;  ///< K = 6 N
+  Eigen::VectorXf low, high;  ///< [6N] what shares of 0 and 1 stand for, metres and radians
+
+  /// [N] helpers to their parent bones. @param inputs x [I]
+  std::vector<Eigen::Affine3d> transforms(const Eigen::VectorXf& inputs) const;
+};
+
 }  // namespace doppel

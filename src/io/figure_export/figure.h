@@ -15,7 +15,7 @@ namespace doppel {
 struct FigureNode {
   std::string name;
   int parent = -1;  ///< FigureNode (always smaller than this one's), -1 for the root
-  int joint = 0;    ///< Joint of the skeleton that has the node's transform
+  int joint = 0;    ///< Joint of the skeleton that has the node's transform; of a helper joint, that of its parent
 };
 
 /// A character in the form of file formats for rigged figures: nodes, and at most four weights per vertex for linear

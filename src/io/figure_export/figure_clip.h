@@ -76,6 +76,10 @@ struct FigureTracks {
 FigureTracks thin_tracks(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip,
                          const MorphTargets& morphs, double tolerance);
 
+/// The same of nodes that the skeleton does not pose. @param posed [T][B] node to world
+FigureTracks thin_tracks(const Figure& figure, const std::vector<std::vector<Eigen::Affine3d>>& posed,
+                         const FigureClip& clip, const MorphTargets& morphs, double tolerance);
+
 /// Replaces the values of the frames between keys by what a viewer interpolates. Tracks with one key stay.
 void interpolate_between_keys(FigureTracks& tracks);
 

@@ -90,18 +90,24 @@ std::vector<ClipPart> FigureClip::animations(const std::string& name) const {
 
 FigureTracks thin_tracks(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip,
                          const MorphTargets& morphs, double tolerance) {
+  std::vector<std::vector<Eigen::Affine3d>> posed;
+  for (const std::vector<double>& dofs : clip.dofs) posed.push_back(pose_nodes(figure, skeleton, dofs));
+  return thin_tracks(figure, posed, clip, morphs, tolerance);
+}
+
+FigureTracks thin_tracks(const Figure& figure, const std::vector<std::vector<Eigen::Affine3d>>& posed,
+                         const FigureClip& clip, const MorphTargets& morphs, double tolerance) {
   FigureTracks tracks;
   tracks.rotation.resize(figure.nodes.size());
   tracks.translation.resize(figure.nodes.size());
-  for (int t = 0; t < clip.num_frames(); ++t) {
-    const auto world = pose_nodes(figure, skeleton, clip.dofs[t]);
+  for (const std::vector<Eigen::Affine3d>& world : posed) {
     for (std::size_t i = 0; i < world.size(); ++i) {
       const int parent = figure.nodes[i].parent;
       const Eigen::Affine3d local = parent < 0 ? world[i] : world[parent].inverse() * world[i];
       Eigen::Quaterniond turn(local.linear());
       turn.normalize();
       // q and -q are the same rotation; neighbours with the same sign interpolate the short way.
-      if (t > 0 && turn.dot(tracks.rotation[i].back()) < 0.0) turn.coeffs() = -turn.coeffs();
+      if (!tracks.rotation[i].empty() && turn.dot(tracks.rotation[i].back()) < 0.0) turn.coeffs() = -turn.coeffs();
       tracks.rotation[i].push_back(turn);
       tracks.translation[i].push_back(local.translation());
     }

@@ -12,4 +12,8 @@ namespace doppel {
 /// skin. Target 0 always has weight 1, target k + 1 has weight k of the function.
 tinygltf::Value corrective_extras(GlbBuffer& buffer, const CorrectiveFunction& function);
 
+/// The object `helpers`: the same keys, and `low` and `high` [6N]. The first joints of the skin are the bones, one for
+/// each entry of `parents`; the last N are the helpers.
+tinygltf::Value helper_extras(GlbBuffer& buffer, const HelperFunction& function);
+
 }  // namespace doppel

@@ -33,6 +33,10 @@ struct FigureFile {
   /// A .glb also holds this function, whose weights are those of the second morph target and the following ones
   /// (glb_correctives.h); null: none.
   const CorrectiveFunction* correctives = nullptr;
+  /// A .glb also holds this function of the last nodes of the figure; null: none.
+  const HelperFunction* helpers = nullptr;
+  /// [B] where the nodes of a .glb stand without an animation, node to world; null: in the rest pose.
+  const std::vector<Eigen::Affine3d>* standing = nullptr;
 };
 
 /// Writes a binary glTF 2.0 file: the skinned mesh with morph targets, the texture as PNG, an animation for each part

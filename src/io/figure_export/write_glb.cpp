@@ -78,7 +78,8 @@ class GlbWriter {
     add_mesh();
     const bool avatar = !file.rights.authors.empty();
     if (avatar) check_avatar(figure, file.name, file.rights);
-    add_glb_skeleton(model_, buffer_, figure, file.name, avatar ? t_pose(figure) : figure.rest);
+    const auto& standing = file.standing ? *file.standing : figure.rest;
+    add_glb_skeleton(model_, buffer_, figure, file.name, avatar ? t_pose(figure) : standing);
     for (const ClipPart& part : file.clip.animations(file.name)) add_glb_animation(model_, buffer_, tracks, part);
     if (avatar) {
       model_.extensions["VRMC_vrm"] = vrm_extension(figure, file.name, file.rights, /*first_node=*/1);
@@ -113,6 +114,7 @@ class GlbWriter {
     tinygltf::Value::Object extras;
     if (!morphs_.names.empty()) extras["targetNames"] = target_names(morphs_.names);
     if (file_.correctives) extras["correctives"] = corrective_extras(buffer_, *file_.correctives);
+    if (file_.helpers) extras["helpers"] = helper_extras(buffer_, *file_.helpers);
     if (!extras.empty()) mesh.extras = tinygltf::Value(std::move(extras));
     model_.meshes.push_back(mesh);
   }

@@ -194,6 +194,23 @@ EngineClipReport written_clip(const Actor& actor, const std::filesystem::path& f
   return report;
 }
 
+/// Mean distance of the vertices of a file from those of an actor in frames of an animation, millimetres.
+double distance_of_file(const support::GltfPose& file, const Actor& actor, const Motion& motion, std::size_t animation,
+                        const std::vector<int>& frames) {
+  const auto index = file.rows(file.primitive()["attributes"]["_VERTEX"].get<int>());
+  double sum = 0.0;
+  for (const int t : frames) {
+    const auto found = file.vertices(t / kRate, animation);
+    const Tensor wanted = actor.vertices(motion_window(motion, t, kPastFrames).unsqueeze(0))[0];
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      const float* at = wanted.data_ptr<float>() + 3 * static_cast<std::size_t>(index[i][0]);
+      sum += 1000.0 * (found[i] - Eigen::Map<const Eigen::Vector3f>(at).cast<double>()).norm() /
+             static_cast<double>(frames.size() * found.size());
+    }
+  }
+  return sum;
+}
+
 TEST(EngineClip, FollowsAnActorOnAnUnseenClip) {
   const support::TemporaryFolder folder;
   const Actor actor;
@@ -210,27 +227,63 @@ TEST(EngineClip, FollowsAnActorOnAnUnseenClip) {
   EXPECT_NEAR(report.history, 0.08, 1e-9);
   for (const EngineClipError& clip : report.clips) {
     EXPECT_GT(clip.skinning, 5.0) << clip.name;
-    EXPECT_LT(clip.share(), 0.1) << clip.name;
+    EXPECT_LT(clip.share(clip.function), 0.1) << clip.name;
     EXPECT_LT(clip.best, 0.1) << clip.name;  // two displacements and their mean
   }
   // The clips in the file: the vertices of the weights, to the stated error.
   const support::GltfPose file(folder / "engine.glb");
   EXPECT_EQ(file.json["meshes"][0]["extras"]["targetNames"][0], "Corrective_Base");
   ASSERT_EQ(file.json["animations"].size(), 3U);
-  double off = 0.0;
-  const Motion unseen = motion(3);
-  const auto index = file.rows(file.primitive()["attributes"]["_VERTEX"].get<int>());
-  for (const int t : {0, 50, 119}) {
-    const auto found = file.vertices(t / kRate, 2);
-    const Tensor wanted = actor.vertices(motion_window(unseen, t, kPastFrames).unsqueeze(0))[0];
-    for (std::size_t i = 0; i < found.size(); ++i) {
-      const float* at = wanted.data_ptr<float>() + 3 * static_cast<std::size_t>(index[i][0]);
-      off += 1000.0 * (found[i] - Eigen::Map<const Eigen::Vector3f>(at).cast<double>()).norm() /
-             static_cast<double>(3 * found.size());
-    }
-  }
-  EXPECT_LT(off, 3.0 * report.clips[2].correctives + 0.2);
+  const double off = distance_of_file(file, actor, motion(3), 2, {0, 50, 119});
+  EXPECT_LT(off, 3.0 * report.clips[2].function + 0.2);
   EXPECT_LT(off, 0.2 * report.clips[2].skinning);
+}
+
+TEST(EngineClip, HelpersFollowAnActorByOrdinarySkinning) {
+  const support::TemporaryFolder folder;
+  const Actor actor;
+  const auto motion = [&](unsigned seed) { return swaying_motion(actor.character, 120, seed); };
+  EngineClipOptions options;
+  options.helpers = 10;
+  options.windows = 1000;
+  const EngineClipReport report = written_clip(actor, folder.path(), {motion(1), motion(2), motion(3)}, options);
+  EXPECT_EQ(report.helpers, 10);
+  EXPECT_EQ(report.figure.morphs, 0);
+  EXPECT_EQ(report.figure.nodes, 5 + 10);
+  EXPECT_LT(report.figure.mean_error_mm, 2.5);
+  ASSERT_EQ(report.clips.size(), 3U);
+  for (const EngineClipError& clip : report.clips) {
+    EXPECT_GT(clip.skinning, 5.0) << clip.name;
+    EXPECT_LT(clip.share(clip.best), 0.2) << clip.name;
+    EXPECT_LT(clip.share(clip.function), 0.3) << clip.name;
+  }
+  const support::GltfPose file(folder / "engine.glb");
+  EXPECT_FALSE(file.primitive().contains("targets"));
+  EXPECT_TRUE(file.json["meshes"][0]["extras"].contains("helpers"));
+  EXPECT_EQ(file.json["skins"][0]["joints"].size(), 15U);
+  // The keys of the unseen clip, by the equations of glTF.
+  std::vector<int> frames;
+  for (int t = 0; t < 120; t += 7) frames.push_back(t);
+  EXPECT_NEAR(distance_of_file(file, actor, motion(3), 2, frames), report.clips[2].best, 0.3);
+}
+
+TEST(EngineClip, ShapesAndHelpersAreCompressed) {
+  const Actor actor;
+  for (const int helpers : {0, 4}) {
+    const support::TemporaryFolder folder;
+    EngineClipOptions options;
+    options.helpers = helpers;
+    options.shapes = 4;
+    options.windows = 100;
+    options.compress = true;
+    const EngineClipReport report =
+        written_clip(actor, folder.path(),
+                     {swaying_motion(actor.character, 60, 1), swaying_motion(actor.character, 30, 2)}, options);
+    EXPECT_EQ(support::GltfPose(folder / "engine.glb").json["extensionsRequired"][0], "EXT_meshopt_compression");
+    ASSERT_TRUE(report.figure.compression);
+    EXPECT_GT(report.figure.compression->worst, 0.0);
+    EXPECT_LT(report.figure.compression->worst, 0.1);
+  }
 }
 
 TEST(EngineClip, TheValidatorOfKhronosFindsNoError) {
@@ -240,9 +293,13 @@ TEST(EngineClip, TheValidatorOfKhronosFindsNoError) {
   EngineClipOptions options;
   options.shapes = 3;
   options.windows = 100;
-  written_clip(actor, folder.path(), {swaying_motion(actor.character, 40, 1), swaying_motion(actor.character, 10, 2)},
-               options);
-  EXPECT_EQ(std::system(("node " WEB_TESTS "/validate_glb.mjs '" + (folder / "engine.glb").string() + "'").c_str()), 0);
+  for (const int helpers : {0, 5}) {
+    options.helpers = helpers;
+    written_clip(actor, folder.path(), {swaying_motion(actor.character, 40, 1), swaying_motion(actor.character, 10, 2)},
+                 options);
+    EXPECT_EQ(std::system(("node " WEB_TESTS "/validate_glb.mjs '" + (folder / "engine.glb").string() + "'").c_str()),
+              0);
+  }
 }
 
 TEST(EngineClip, RefusesWhatItCannotFit) {
@@ -258,6 +315,12 @@ TEST(EngineClip, RefusesWhatItCannotFit) {
   };
   EXPECT_THAT(refused(1, 100), HasSubstr("2 to 256 corrective shapes (--morphs), found 1"));
   EXPECT_THAT(refused(257, 2000), HasSubstr("found 257"));
+  EXPECT_THAT(message_of<UsageError>([&] {
+                EngineClipOptions options;
+                options.helpers = 300;
+                written_clip(actor, folder.path(), {swaying_motion(actor.character, 9, 1)}, options);
+              }),
+              HasSubstr("1 to 256 helper joints (--helpers), found 300"));
   EXPECT_THAT(refused(32, 95), ::testing::AllOf(HasSubstr("have 95 poses at 25 a second, and at least 96 are needed"),
                                                 HasSubstr("give more or longer motions (--motion")));
 }

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 
+#include "doppel/actor/export/correctives/fit_correctives.h"
+#include "doppel/actor/export/correctives/fit_helpers.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/io/figure_export/compressed_figure.h"
 #include "doppel/io/figure_export/rest_displacements.h"
 
 namespace doppel {
@@ -25,18 +28,20 @@ std::vector<std::vector<double>> window_rows(const torch::Tensor& window) {
 
 /// @throws UsageError
 void check_engine_clip(const EngineTeacher& teacher, const EngineClipOptions& options) {
-  if (options.shapes < kMinShapes || options.shapes > kMaxShapes)
-    fail<UsageError>("an engine clip has {} to {} corrective shapes (--morphs), found {}", kMinShapes, kMaxShapes,
-                     options.shapes);
+  const bool shapes = options.helpers == 0;
+  const int count = shapes ? options.shapes : options.helpers, least = shapes ? kMinShapes : 1;
+  const char *what = shapes ? "corrective shapes" : "helper joints", *option = shapes ? "--morphs" : "--helpers";
+  if (count < least || count > kMaxShapes)
+    fail<UsageError>("an engine clip has {} to {} {} ({}), found {}", least, kMaxShapes, what, option, count);
   int poses = 0;
   for (const WindowSource& source : teacher.motions)
     poses += static_cast<int>(source.motion.num_frames() / source.step);
-  if (poses < kPosesPerShape * options.shapes)
+  if (poses < kPosesPerShape * count)
     fail<UsageError>(
-        "fitting {} corrective shapes: the motions to fit have {} poses at {} a second, and at least {} are needed; "
+        "fitting {} {}: the motions to fit have {} poses at {} a second, and at least {} are needed; "
         "give more or longer motions (--motion, several times), an actor by --run, whose training motions are fitted "
-        "too, or fewer shapes (--morphs)",
-        options.shapes, poses, teacher.frames_per_second, kPosesPerShape * options.shapes);
+        "too, or a smaller number ({})",
+        count, what, poses, teacher.frames_per_second, kPosesPerShape * count, option);
 }
 
 /// Mean distance of skinned vertices from those of a frame, metres.
@@ -51,6 +56,11 @@ double mean_distance(const Figure& figure, const std::vector<Eigen::Affine3d>& b
   }
   return sum / static_cast<double>(blended.size());
 }
+
+/// Mean distances of the vertices of a frame from those of the actor, metres.
+struct FrameErrors {
+  double skinning, function, best;
+};
 
 class EngineClipWriter : public SequenceWriter {
  public:
@@ -75,29 +85,10 @@ class EngineClipWriter : public SequenceWriter {
 
   void close() override {
     find_use();
-    CorrectiveFitOptions fit;
-    fit.shapes = options_.shapes - 1;
-    fit.windows = options_.windows;
-    const FittedCorrectives fitted = fit_correctives(figure_, character_.skeleton, function_, teacher_, frames_, fit);
-    MorphTargets morphs = corrective_targets(fitted.shapes, fitted.low, fitted.high);
-    set_weights(fitted.function, morphs);
-    const FigureTracks tracks = thin_tracks(figure_, character_.skeleton, frames_.clip, morphs, options_.tolerance);
-    write_glb(path_, {character_.name, character_.mesh, frames_.clip, {}, {}, &fitted.function}, figure_, morphs,
-              tracks);
-    const FigureError error = figure_error(figure_, frames_.clip, morphs, tracks);
-    report_.figure = {static_cast<int>(figure_.nodes.size()),
-                      morphs.count(),
-                      morphs.at_once,
-                      false,
-                      tracks.num_keys(),
-                      error.mean,
-                      error.worst,
-                      figure_.largest_dropped_weight,
-                      {}};
-    report_.inputs = static_cast<int>(fitted.function.num_inputs());
-    report_.hidden = static_cast<int>(fitted.function.hidden_offset.size());
-    report_.history = fitted.function.lags.empty() ? 0.0 : fitted.function.lags.back();
-    for (std::size_t c = 0; c < options_.parts.size(); ++c) measure(fitted, morphs, c);
+    if (options_.helpers > 0)
+      write_helpers();
+    else
+      write_correctives();
   }
 
  private:
@@ -109,6 +100,23 @@ class EngineClipWriter : public SequenceWriter {
                                                                             : FrameUse::held_out);
   }
 
+  // ---- corrective shapes ----
+
+  void write_correctives() {
+    CorrectiveFitOptions fit;
+    fit.shapes = options_.shapes - 1;
+    fit.windows = options_.windows;
+    const FittedCorrectives fitted = fit_correctives(figure_, character_.skeleton, function_, teacher_, frames_, fit);
+    MorphTargets morphs = corrective_targets(fitted.shapes, fitted.low, fitted.high);
+    set_weights(fitted.function, morphs);
+    FigureFile file{character_.name, character_.mesh, frames_.clip};
+    file.correctives = &fitted.function;
+    write_file(file, figure_, morphs,
+               thin_tracks(figure_, character_.skeleton, frames_.clip, morphs, options_.tolerance));
+    report_function(fitted.function);
+    measure([&](std::size_t t) { return errors_of_shapes(fitted, morphs, t); });
+  }
+
   void set_weights(const CorrectiveFunction& function, MorphTargets& morphs) const {
     morphs.weights.resize(frames_.clip.num_frames(), morphs.count());
     morphs.weights.col(0).setOnes();
@@ -117,28 +125,102 @@ class EngineClipWriter : public SequenceWriter {
           function.weights(frames_.inputs[t]).cast<double>().transpose();
   }
 
-  /// The errors of a clip over the frames that were not fitted.
-  void measure(const FittedCorrectives& fitted, const MorphTargets& morphs, std::size_t c) {
-    const ClipPart& part = options_.parts[c];
-    EngineClipError error;
-    error.name = part.name;
-    error.unseen = options_.unseen[c];
+  FrameErrors errors_of_shapes(const FittedCorrectives& fitted, const MorphTargets& morphs, std::size_t t) const {
     const LinearShapes& shapes = fitted.shapes;
-    for (int f = error.unseen ? 0 : fitted_frames(part.frames); f < part.frames; ++f) {
-      const int t = part.first + f;
-      const std::vector<float>& vertices = frames_.clip.vertices[as_size(t)];
-      const auto blended =
-          blend_transforms(figure_, pose_nodes(figure_, character_.skeleton, frames_.clip.dofs[as_size(t)]));
-      const Eigen::VectorXf shares = morphs.weights.row(t).tail(morphs.count() - 1).cast<float>(),
-                            found = fitted.low + (fitted.high - fitted.low).cwiseProduct(shares),
-                            best = shapes.weights_of(unposed_displacements(figure_, blended, vertices));
-      error.skinning += 1000.0 * mean_distance(figure_, blended, vertices, {});
-      error.correctives += 1000.0 * mean_distance(figure_, blended, vertices, shapes.mean + shapes.components * found);
-      error.best += 1000.0 * mean_distance(figure_, blended, vertices, shapes.mean + shapes.components * best);
-      ++error.frames;
+    const std::vector<float>& vertices = frames_.clip.vertices[t];
+    const auto blended = blend_transforms(figure_, bones_of(t));
+    const Eigen::VectorXf shares =
+                              morphs.weights.row(static_cast<Eigen::Index>(t)).tail(morphs.count() - 1).cast<float>(),
+                          found = fitted.low + (fitted.high - fitted.low).cwiseProduct(shares),
+                          best = shapes.weights_of(unposed_displacements(figure_, blended, vertices));
+    return {mean_distance(figure_, blended, vertices, {}),
+            mean_distance(figure_, blended, vertices, shapes.mean + shapes.components * found),
+            mean_distance(figure_, blended, vertices, shapes.mean + shapes.components * best)};
+  }
+
+  // ---- helper joints ----
+
+  void write_helpers() {
+    HelperFitOptions fit;
+    fit.joints.helpers = options_.helpers;
+    fit.windows = options_.windows;
+    const FittedHelpers fitted = fit_helpers(figure_, character_.skeleton, function_, teacher_, frames_, fit);
+    const Figure& figure = fitted.figure.figure();
+    std::vector<std::vector<Eigen::Affine3d>> posed;
+    for (std::size_t t = 0; t < frames_.inputs.size(); ++t)
+      posed.push_back(fitted.figure.under(bones_of(t), frames_.clip.vertices[t]));
+    TriangleMesh mesh = character_.mesh;
+    mesh.vertices = figure.rest_vertices;
+    FigureFile file{character_.name, mesh, frames_.clip};
+    file.helpers = &fitted.function;
+    file.standing = &fitted.figure.standing();
+    write_file(file, figure, {}, thin_tracks(figure, posed, frames_.clip, {}, options_.tolerance));
+    report_.helpers = options_.helpers;
+    report_function(fitted.function.shares);
+    measure([&](std::size_t t) { return errors_of_helpers(fitted, posed[t], t); });
+  }
+
+  /// @param posed the nodes of the file
+  FrameErrors errors_of_helpers(const FittedHelpers& fitted, const std::vector<Eigen::Affine3d>& posed,
+                                std::size_t t) const {
+    const Figure& figure = fitted.figure.figure();
+    const std::vector<float>& vertices = frames_.clip.vertices[t];
+    const std::vector<Eigen::Affine3d> bones = bones_of(t), moved = fitted.figure.nodes(
+                                                                bones, fitted.function.transforms(frames_.inputs[t]));
+    return {mean_distance(figure_, blend_transforms(figure_, bones), vertices, {}),
+            mean_distance(figure, blend_transforms(figure, moved), vertices, {}),
+            mean_distance(figure, blend_transforms(figure, posed), vertices, {})};
+  }
+
+  // ---- both ----
+
+  std::vector<Eigen::Affine3d> bones_of(std::size_t t) const {
+    return pose_nodes(figure_, character_.skeleton, frames_.clip.dofs[t]);
+  }
+
+  void write_file(FigureFile file, const Figure& figure, const MorphTargets& morphs, const FigureTracks& tracks) {
+    FigureError error;
+    if (options_.compress) {
+      const CompressedFigure packed = compress_figure(figure, morphs, tracks);
+      file.compression = packed.steps;
+      write_glb(path_, file, packed.figure, packed.morphs, packed.tracks);
+      error = figure_error(packed.figure, frames_.clip, packed.morphs, packed.tracks);
+      report_.figure.compression = packed.error;
+    } else {
+      write_glb(path_, file, figure, morphs, tracks);
+      error = figure_error(figure, frames_.clip, morphs, tracks);
     }
-    for (double* sum : {&error.skinning, &error.correctives, &error.best}) *sum /= std::max(error.frames, 1);
-    report_.clips.push_back(error);
+    report_.figure.nodes = static_cast<int>(figure.nodes.size());
+    report_.figure.morphs = morphs.count();
+    report_.figure.keys = tracks.num_keys();
+    report_.figure.mean_error_mm = error.mean;
+    report_.figure.worst_error_mm = error.worst;
+    report_.figure.largest_dropped_weight = figure.largest_dropped_weight;
+  }
+
+  void report_function(const CorrectiveFunction& function) {
+    report_.inputs = static_cast<int>(function.num_inputs());
+    report_.hidden = static_cast<int>(function.hidden_offset.size());
+    report_.history = function.lags.empty() ? 0.0 : function.lags.back();
+  }
+
+  /// The errors of the clips over the frames that were not fitted.
+  void measure(const std::function<FrameErrors(std::size_t t)>& errors_of) {
+    for (std::size_t c = 0; c < options_.parts.size(); ++c) {
+      const ClipPart& part = options_.parts[c];
+      EngineClipError error;
+      error.name = part.name;
+      error.unseen = options_.unseen[c];
+      const int first = error.unseen ? 0 : fitted_frames(part.frames);
+      error.frames = std::max(part.frames - first, 0);
+      for (int f = first; f < part.frames; ++f) {
+        const FrameErrors frame = errors_of(as_size(part.first + f));
+        error.skinning += 1000.0 * frame.skinning / error.frames;
+        error.function += 1000.0 * frame.function / error.frames;
+        error.best += 1000.0 * frame.best / error.frames;
+      }
+      report_.clips.push_back(error);
+    }
   }
 
   std::filesystem::path path_;
@@ -148,7 +230,7 @@ class EngineClipWriter : public SequenceWriter {
   EngineClipReport& report_;
   Figure figure_;
   CorrectiveFunction function_;
-  CorrectiveFrames frames_;
+  EngineFrames frames_;
 };
 
 }  // namespace

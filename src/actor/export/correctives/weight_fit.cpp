@@ -20,6 +20,7 @@ constexpr std::array kRidges{1e-4, 1e-3, 1e-2, 1e-1, 1.0};  ///< of the number o
 constexpr double kMinDeviation = 1e-4;                      ///< inputs below are constant: metres, or radians
 constexpr int kSamplesAtOnce = 256, kStepsBetweenChecks = 100;
 constexpr double kLearningRate = 5e-3, kWeightDecay = 1e-4;
+constexpr int kHeldOutEvery = 10;
 
 Eigen::MatrixXf matrix_of(const Tensor& tensor) {
   const Tensor rows = tensor.detach().to(torch::kFloat32).contiguous();
@@ -29,6 +30,15 @@ Eigen::MatrixXf matrix_of(const Tensor& tensor) {
 }
 
 Eigen::VectorXf vector_of(const Tensor& tensor) { return matrix_of(tensor.reshape({-1, 1})); }
+
+/// Rows of equal length as a tensor [S,n].
+Tensor tensor_of_rows(const std::vector<Eigen::VectorXf>& rows) {
+  const Tensor result =
+      torch::empty({static_cast<std::int64_t>(rows.size()), static_cast<std::int64_t>(rows.front().size())});
+  float* out = result.data_ptr<float>();
+  for (const Eigen::VectorXf& row : rows) out = std::copy_n(row.data(), row.size(), out);
+  return result;
+}
 
 /// The samples as the function sees them: z, and the weights relative to their mean, in units of their deviation.
 struct Standardised {
@@ -113,7 +123,7 @@ WeightLayers trained_layers(const Standardised& s, const WeightFitOptions& optio
   double least = error_of(layers, s);
   for (Tensor& tensor : layers.all()) tensor.requires_grad_(true);
   torch::optim::Adam adam(layers.all(), torch::optim::AdamOptions(kLearningRate).weight_decay(0.0));
-  Progress progress("fitting correctives", options.steps);
+  Progress progress("fitting the function", options.steps);
   for (int step = 1; step <= options.steps; ++step) {
     if (stop_requested()) fail("fitting the weights of correctives: stopped at step {} of {}", step, options.steps);
     const Tensor rows = at::randint(s.z.size(0), {kSamplesAtOnce}, generator, at::TensorOptions().dtype(torch::kInt64));
@@ -138,6 +148,33 @@ WeightLayers trained_layers(const Standardised& s, const WeightFitOptions& optio
 
 }  // namespace
 
+void SampleList::add(Eigen::VectorXf inputs, Eigen::VectorXf weights, bool held_out) {
+  inputs_.push_back(std::move(inputs));
+  weights_.push_back(std::move(weights));
+  held_out_.push_back(held_out ? 1 : 0);
+}
+
+void SampleList::add(Eigen::VectorXf inputs, Eigen::VectorXf weights) {
+  const bool held_out = inputs_.size() % kHeldOutEvery == 0;
+  add(std::move(inputs), std::move(weights), held_out);
+}
+
+WeightSamples SampleList::tensors() const {
+  return {tensor_of_rows(inputs_), tensor_of_rows(weights_), torch::tensor(held_out_).to(torch::kBool)};
+}
+
+Eigen::VectorXf SampleList::low() const {
+  Eigen::VectorXf result = weights_.front();
+  for (const Eigen::VectorXf& weights : weights_) result = result.cwiseMin(weights);
+  return result;
+}
+
+Eigen::VectorXf SampleList::high() const {
+  Eigen::VectorXf result = weights_.front();
+  for (const Eigen::VectorXf& weights : weights_) result = result.cwiseMax(weights);
+  return result;
+}
+
 void fit_weights(const WeightSamples& samples, const WeightFitOptions& options, CorrectiveFunction& function) {
   const Standardised s(samples, function.limit);
   const WeightLayers layers = trained_layers(s, options);
@@ -148,6 +185,12 @@ void fit_weights(const WeightSamples& samples, const WeightFitOptions& options, 
   function.hidden = matrix_of(layers.hidden);
   function.hidden_offset = vector_of(layers.hidden_offset);
   function.output = matrix_of(layers.output * s.unit);
+}
+
+void mix_weights(CorrectiveFunction& function, const Eigen::MatrixXf& matrix, const Eigen::VectorXf& offset) {
+  function.linear = matrix * function.linear;
+  function.output = matrix * function.output;
+  function.offset = matrix * function.offset + offset;
 }
 
 void scale_weights(CorrectiveFunction& function, const Eigen::VectorXf& low, const Eigen::VectorXf& high) {
