@@ -111,6 +111,21 @@ TEST_F(BakedCylinder, HiddenTexelsTakeColoursFromTheirNeighbours) {
   EXPECT_LT(high, 200);
 }
 
+/// The texels beside a chart repeat its edge, so a look-up between texels meets no other colour.
+TEST_F(BakedCylinder, ChartsArePadded) {
+  TriangleMesh half = mesh_;
+  for (Eigen::Vector2d& uv : half.uvs) uv = {0.25 + 0.5 * uv.x(), 0.25 + 0.5 * uv.y()};
+  TextureBake bake(half, kTexels);
+  for (std::size_t c = 0; c < cameras_.size(); ++c)
+    bake.add(half.vertices, cameras_[c], static_cast<int>(c), photograph(cameras_[c], 1.0), {});
+  const cv::Mat texture = bake.texture();
+  for (int y = kTexels / 4; y < 3 * kTexels / 4; ++y) {
+    EXPECT_EQ(texture.at<cv::Vec3b>(y, kTexels / 4 - 1), texture.at<cv::Vec3b>(y, kTexels / 4));
+    EXPECT_EQ(texture.at<cv::Vec3b>(y, 3 * kTexels / 4 + 2), texture.at<cv::Vec3b>(y, 3 * kTexels / 4 - 1));
+    EXPECT_EQ(texture.at<cv::Vec3b>(y, 4), cv::Vec3b(0, 0, 0)) << "far from the chart";
+  }
+}
+
 TEST_F(BakedCylinder, WhatTheMaskExcludesDoesNotCount) {
   TextureBake bake(mesh_, kTexels);
   const cv::Mat nobody = cv::Mat::zeros(cameras_[0].height, cameras_[0].width, CV_8U);
