@@ -21,6 +21,7 @@ quiet "$1" animate --run "$folder/run" --motion "$folder/training.motion" --unse
 "$1" animate --run "$folder/run" --motion "$folder/training.motion" --format npy,engine-glb --helpers 16 \
   --fit-windows 600 --tolerance 0 --compress --json --out "$folder/helpers" >"$folder/report.json" 2>"$folder/log" ||
   { cat "$folder/log" >&2; exit 1; }
-export CHROMIUM="$(command -v chromium)"
+CHROMIUM="$(command -v chromium)"
+export CHROMIUM
 node "$here/check_engine.mjs" "$folder/engine/engine.glb"
 node "$here/check_helpers.mjs" "$folder/helpers/engine.glb" "$folder/helpers/vertices.npy" "$folder/report.json"
