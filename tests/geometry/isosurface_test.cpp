@@ -27,7 +27,9 @@ TEST(GridLines, CoverTheBoxWithCellsOfTheGivenSize) {
   }
   const GridLine& x = lines[0];
   for (std::size_t i = 0; i + 1 < x.planes.size(); ++i)
-    if (x.planes[i] >= 0.31 && x.planes[i + 1] <= 0.52) EXPECT_LE(x.cells[i], 0.02 + 1e-12);
+    if (x.planes[i] >= 0.31 && x.planes[i + 1] <= 0.52) {
+      EXPECT_LE(x.cells[i], 0.02 + 1e-12);
+    }
 }
 
 /// Two bars side by side, 4 mm apart, that a third one joins at their ends.
