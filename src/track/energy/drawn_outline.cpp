@@ -2,25 +2,27 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 
 namespace doppel {
 
-std::optional<double> DrawnOutline::distance(double u, double v) const {
+DrawnOutline::DrawnOutline(const cv::Mat& covered) : covered_(covered) {
+  cv::erode(covered, inner_, cv::Mat::ones(3, 3, CV_8U));
+}
+
+bool DrawnOutline::holds(double u, double v) const {
   const int pixels = covered_.cols;
-  if (!(u >= 1.0 && v >= 1.0 && u < pixels - 1 && v < pixels - 1)) return std::nullopt;
-  if (!has_gap_around(static_cast<int>(u), static_cast<int>(v))) return std::nullopt;
+  return u >= 1.0 && v >= 1.0 && u < pixels - 1 && v < pixels - 1 &&
+         inner_.at<unsigned char>(static_cast<int>(v), static_cast<int>(u)) == 0;
+}
+
+double DrawnOutline::distance(double u, double v) const {
+  const int pixels = covered_.cols;
   const double x = u - 0.5, y = v - 0.5;
   const int column = std::min(static_cast<int>(x), pixels - 2), row = std::min(static_cast<int>(y), pixels - 2);
   const double fx = x - column, fy = y - row;
   const auto at = [&](int down, int right) { return distance_of_pixel(column + right, row + down); };
   return (1.0 - fy) * ((1.0 - fx) * at(0, 0) + fx * at(0, 1)) + fy * ((1.0 - fx) * at(1, 0) + fx * at(1, 1));
-}
-
-bool DrawnOutline::has_gap_around(int column, int row) const {
-  for (int y = row - 1; y <= row + 1; ++y)
-    for (int x = column - 1; x <= column + 1; ++x)
-      if (!is_covered(x, y)) return true;
-  return false;
 }
 
 /// The distance to the nearest pixel on the other side, less half a pixel. Exact for pixels that have one of the other

@@ -171,9 +171,10 @@ cv::Mat low_frequencies(const TexelPoints& texels, const std::vector<int>& numbe
   const double blur = kDetailBlur * size;
   const int side = std::max(1, static_cast<int>(blur / kBlurOfBlocks)), blocks = (size + side - 1) / side;
   cv::Mat sums(blocks, blocks, CV_32FC4, cv::Scalar::all(0));
+  const auto* index = texels.texel.data_ptr<std::int64_t>();
   std::vector<float> u, v;
   for (std::size_t i = 0; i < numbers.size(); ++i) {
-    const auto texel = static_cast<int>(texels.texel.data_ptr<std::int64_t>()[numbers[i]]);
+    const auto texel = static_cast<int>(index[numbers[i]]);
     const int row = texel / size, column = texel % size;
     const auto& colour = colours.at<cv::Vec3f>(static_cast<int>(i));
     sums.at<cv::Vec4f>(row / side, column / side) += cv::Vec4f(colour[0], colour[1], colour[2], 1.0F);

@@ -78,8 +78,7 @@ SurfaceView SurfaceViewer::look(const PosedSurface& surface, const CropBox& wind
     const int column = static_cast<int>(u), row = static_cast<int>(v);
     view.visible[i] = surface.normals[i].dot(centre - vertex) > 0.0 &&
                       depth[row * pixels + column] >= static_cast<float>(seen.z()) - kOcclusionTolerance;
-    if (const auto distance = drawn.distance(u, v))
-      view.outline.push_back({0, static_cast<int>(i), reference * *distance});
+    if (drawn.holds(u, v)) view.outline.push_back({0, static_cast<int>(i), reference * drawn.distance(u, v)});
   }
   const int grown = static_cast<int>(std::lround(growth / window.image_pixels_per_pixel(pixels)));
   view.parts = PartMask(state_->parts(face_id), window, std::max(1, grown));

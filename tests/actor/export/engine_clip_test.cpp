@@ -211,14 +211,20 @@ double distance_of_file(const support::GltfPose& file, const Actor& actor, const
   return sum;
 }
 
+std::vector<Motion> three_motions(const Actor& actor) {
+  std::vector<Motion> motions;
+  for (const unsigned seed : {1U, 2U, 3U}) motions.push_back(swaying_motion(actor.character, 120, seed));
+  return motions;
+}
+
 TEST(EngineClip, FollowsAnActorOnAnUnseenClip) {
   const support::TemporaryFolder folder;
   const Actor actor;
-  const auto motion = [&](unsigned seed) { return swaying_motion(actor.character, 120, seed); };
+  const std::vector<Motion> motions = three_motions(actor);
   EngineClipOptions options;
   options.shapes = 4;
   options.windows = 1500;
-  const EngineClipReport report = written_clip(actor, folder.path(), {motion(1), motion(2), motion(3)}, options);
+  const EngineClipReport report = written_clip(actor, folder.path(), motions, options);
   ASSERT_EQ(report.clips.size(), 3U);
   EXPECT_EQ(report.clips[0].frames, 24);
   EXPECT_EQ(report.clips[2].frames, 120);
@@ -234,7 +240,7 @@ TEST(EngineClip, FollowsAnActorOnAnUnseenClip) {
   const support::GltfPose file(folder / "engine.glb");
   EXPECT_EQ(file.json["meshes"][0]["extras"]["targetNames"][0], "Corrective_Base");
   ASSERT_EQ(file.json["animations"].size(), 3U);
-  const double off = distance_of_file(file, actor, motion(3), 2, {0, 50, 119});
+  const double off = distance_of_file(file, actor, motions[2], 2, {0, 50, 119});
   EXPECT_LT(off, 3.0 * report.clips[2].function + 0.2);
   EXPECT_LT(off, 0.2 * report.clips[2].skinning);
 }
@@ -242,11 +248,11 @@ TEST(EngineClip, FollowsAnActorOnAnUnseenClip) {
 TEST(EngineClip, HelpersFollowAnActorByOrdinarySkinning) {
   const support::TemporaryFolder folder;
   const Actor actor;
-  const auto motion = [&](unsigned seed) { return swaying_motion(actor.character, 120, seed); };
+  const std::vector<Motion> motions = three_motions(actor);
   EngineClipOptions options;
   options.helpers = 10;
   options.windows = 1000;
-  const EngineClipReport report = written_clip(actor, folder.path(), {motion(1), motion(2), motion(3)}, options);
+  const EngineClipReport report = written_clip(actor, folder.path(), motions, options);
   EXPECT_EQ(report.helpers, 10);
   EXPECT_EQ(report.figure.morphs, 0);
   EXPECT_EQ(report.figure.nodes, 5 + 10);
@@ -264,7 +270,7 @@ TEST(EngineClip, HelpersFollowAnActorByOrdinarySkinning) {
   // The keys of the unseen clip, by the equations of glTF.
   std::vector<int> frames;
   for (int t = 0; t < 120; t += 7) frames.push_back(t);
-  EXPECT_NEAR(distance_of_file(file, actor, motion(3), 2, frames), report.clips[2].best, 0.3);
+  EXPECT_NEAR(distance_of_file(file, actor, motions[2], 2, frames), report.clips[2].best, 0.3);
 }
 
 TEST(EngineClip, ShapesAndHelpersAreCompressed) {

@@ -19,11 +19,14 @@ TEST(DrawnOutline, HasTheDistanceToTheEdgeAndNothingAwayFromIt) {
   cv::Mat covered = cv::Mat::zeros(32, 32, CV_8UC1);
   covered(cv::Rect(10, 0, 22, 32)).setTo(255);  // its edge is the line u = 10
   const DrawnOutline outline(covered);
-  for (const double u : {8.6, 9.5, 10.0, 10.3, 10.9}) EXPECT_NEAR(outline.distance(u, 16.2).value(), 10.0 - u, 1e-9);
-  EXPECT_FALSE(outline.distance(13.0, 16.0)) << "the surface covers all pixels around";
-  EXPECT_FALSE(outline.distance(10.2, 0.5)) << "at the border of the window";
-  EXPECT_FALSE(outline.distance(-3.0, 16.0));
-  EXPECT_FALSE(outline.distance(NAN, 16.0));
+  for (const double u : {8.6, 9.5, 10.0, 10.3, 10.9}) {
+    ASSERT_TRUE(outline.holds(u, 16.2));
+    EXPECT_NEAR(outline.distance(u, 16.2), 10.0 - u, 1e-9);
+  }
+  EXPECT_FALSE(outline.holds(13.0, 16.0)) << "the surface covers all pixels around";
+  EXPECT_FALSE(outline.holds(10.2, 0.5)) << "at the border of the window";
+  EXPECT_FALSE(outline.holds(-3.0, 16.0));
+  EXPECT_FALSE(outline.holds(NAN, 16.0));
 }
 
 /// A surface whose masks are its own outlines is where it should be, however coarse the mesh.

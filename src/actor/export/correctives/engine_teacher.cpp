@@ -87,4 +87,20 @@ Eigen::VectorXf inputs_of_window(const CorrectiveFunction& function, const Figur
   return function.inputs(poses);
 }
 
+SampleList ask_for_samples(const EngineTeacher& teacher, std::span<const WindowRows> windows,
+                           const EngineFrames& frames, const CorrectiveFunction& function, const Figure& figure,
+                           const Skeleton& skeleton,
+                           const std::function<Eigen::VectorXf(const std::vector<double>& dofs,
+                                                               std::span<const float> vertices)>& weights_of) {
+  SampleList samples;
+  ask_actor(teacher, windows, "asking the actor", [&](std::size_t i, std::span<const float> vertices) {
+    samples.add(inputs_of_window(function, figure, skeleton, windows[i]), weights_of(windows[i].back(), vertices));
+  });
+  for (std::size_t t = 0; t < frames.use.size(); ++t)
+    if (frames.use[t] != FrameUse::unseen)
+      samples.add(frames.inputs[t], weights_of(frames.clip.dofs[t], frames.clip.vertices[t]),
+                  frames.use[t] == FrameUse::held_out);
+  return samples;
+}
+
 }  // namespace doppel

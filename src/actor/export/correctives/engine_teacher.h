@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "doppel/actor/export/actor_trace.h"
+#include "doppel/actor/export/correctives/weight_fit.h"
 #include "doppel/actor/export/correctives/window_mixer.h"
 #include "doppel/io/figure_export/corrective_function.h"
 #include "doppel/io/figure_export/figure_clip.h"
@@ -51,5 +52,13 @@ CorrectiveFunction unfitted_function(const Figure& figure, int past_frames, doub
 /// The inputs of a function for a motion window.
 Eigen::VectorXf inputs_of_window(const CorrectiveFunction& function, const Figure& figure, const Skeleton& skeleton,
                                  const WindowRows& window);
+
+/// Samples of a function of the bones: the windows, of which every tenth is held out, and the frames that are not
+/// unseen.
+/// @param weights_of [K] weights for a pose and the actor's vertices [3V]
+SampleList ask_for_samples(
+    const EngineTeacher& teacher, std::span<const WindowRows> windows, const EngineFrames& frames,
+    const CorrectiveFunction& function, const Figure& figure, const Skeleton& skeleton,
+    const std::function<Eigen::VectorXf(const std::vector<double>& dofs, std::span<const float> vertices)>& weights_of);
 
 }  // namespace doppel

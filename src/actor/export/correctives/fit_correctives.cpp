@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/io/figure_export/rest_displacements.h"
 
@@ -22,18 +21,13 @@ class CorrectiveFit {
   FittedCorrectives fitted() {
     const std::vector<WindowRows> windows = draw_windows(teacher_, skeleton_, options_.windows, options_.weights.seed);
     find_shapes({windows.data(), std::min(kShapeColumns, windows.size())});
-    ask_actor(teacher_, windows, "asking the actor", [&](std::size_t i, std::span<const float> vertices) {
-      samples_.add(inputs_of_window(result_.function, figure_, skeleton_, windows[i]),
-                   result_.shapes.weights_of(displacement(windows[i].back(), vertices)));
-    });
-    for (std::size_t t = 0; t < frames_.use.size(); ++t)
-      if (frames_.use[t] != FrameUse::unseen)
-        samples_.add(frames_.inputs[t],
-                     result_.shapes.weights_of(displacement(frames_.clip.dofs[t], frames_.clip.vertices[t])),
-                     frames_.use[t] == FrameUse::held_out);
-    fit_weights(samples_.tensors(), options_.weights, result_.function);
-    result_.low = samples_.low();
-    result_.high = samples_.high();
+    const SampleList samples = ask_for_samples(teacher_, windows, frames_, result_.function, figure_, skeleton_,
+                                               [&](const std::vector<double>& dofs, std::span<const float> vertices) {
+                                                 return result_.shapes.weights_of(displacement(dofs, vertices));
+                                               });
+    fit_weights(samples.tensors(), options_.weights, result_.function);
+    result_.low = samples.low();
+    result_.high = samples.high();
     scale_weights(result_.function, result_.low, result_.high);
     return std::move(result_);
   }
@@ -66,7 +60,6 @@ class CorrectiveFit {
   const EngineFrames& frames_;
   CorrectiveFitOptions options_;
   FittedCorrectives result_;
-  SampleList samples_;
 };
 
 }  // namespace

@@ -4,8 +4,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 namespace {
 
@@ -83,21 +81,15 @@ class HelperFit {
   /// Errors count as far as they move vertices: what is fitted are the principal components of the parameters in units
   /// of the displacements that they cause.
   HelperFunction fitted_function(const HelperFigure& helpers) const {
-    SampleList samples;
-    const auto add = [&](Eigen::VectorXf inputs, const std::vector<double>& dofs, std::span<const float> vertices,
-                         auto... held_out) {
-      samples.add(std::move(inputs), helpers.parameters(helpers.under(pose_nodes(figure_, skeleton_, dofs), vertices)),
-                  held_out...);
-    };
-    ask_actor(teacher_, windows_, "asking the actor", [&](std::size_t i, std::span<const float> vertices) {
-      add(inputs_of_window(function_, figure_, skeleton_, windows_[i]), windows_[i].back(), vertices);
-    });
-    for (std::size_t t = 0; t < frames_.use.size(); ++t)
-      if (frames_.use[t] != FrameUse::unseen)
-        add(frames_.inputs[t], frames_.clip.dofs[t], frames_.clip.vertices[t], frames_.use[t] == FrameUse::held_out);
+    const SampleList samples =
+        ask_for_samples(teacher_, windows_, frames_, function_, figure_, skeleton_,
+                        [&](const std::vector<double>& dofs, std::span<const float> vertices) {
+                          return helpers.parameters(helpers.under(pose_nodes(figure_, skeleton_, dofs), vertices));
+                        });
     HelperFunction result{function_, samples.low(), samples.high()};
-    const ComponentBasis basis = components_of(samples.tensors().weights, helpers.metric());
-    fit_weights(basis.of(samples.tensors()), options_.weights, result.shares);
+    const WeightSamples tensors = samples.tensors();
+    const ComponentBasis basis = components_of(tensors.weights, helpers.metric());
+    fit_weights(basis.of(tensors), options_.weights, result.shares);
     mix_weights(result.shares, basis.parameters, basis.mean);
     scale_weights(result.shares, result.low, result.high);
     return result;

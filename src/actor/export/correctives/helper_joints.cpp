@@ -49,7 +49,7 @@ class HelperSearch {
         options_(options),
         num_frames_(static_cast<int>(frames.bones.size())),
         columns_(frames.vertices.rows(),
-                 4 * (index_of(static_cast<int>(frames.bones.front().size())) + index_of(options.helpers))) {
+                 4 * (static_cast<Eigen::Index>(frames.bones.front().size()) + options.helpers)) {
     found_.skin = skin;
     found_.bones = static_cast<int>(frames.bones.front().size());
     found_.parents.assign(as_size(options.helpers), 0);
