@@ -71,9 +71,11 @@ void write_fitted_capture(const fs::path& out, const fs::path& character, const 
   write_capture(out / "capture.yaml", capture,
                 {"Written by `doppel character fit`: the capture with the fitted character."});
   write_atomically(out / "track.yaml",
-                   fmt::format("# Written by `doppel character fit`: how keypoints and outlines counted there.\n"
-                               "keypoints: {{weight: {}}}\nsilhouette: {{weight: {}, pixels: {}, vertices: {}}}\n",
-                               fit.keypoint_weight, fit.silhouette_weight, fit.outline_pixels, fit.outline_vertices));
+                   fmt::format("# Written by `doppel character fit`: how keypoints, outlines and other frames count.\n"
+                               "keypoints: {{weight: {}}}\nsilhouette: {{weight: {}, pixels: {}, vertices: {}}}\n"
+                               "temporal: {{weight: {}}}\nsteady: {{weight: {}}}\n",
+                               fit.keypoint_weight, fit.silhouette_weight, fit.outline_pixels, fit.outline_vertices,
+                               fit.temporal_weight, fit.steady_weight));
 }
 
 int run_fit(FitOptions options, const CommonOptions& common) {

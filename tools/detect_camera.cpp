@@ -8,6 +8,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/detect/blazepose/mask_sharpening.h"
+#include "doppel/detect/blazepose/possible_parts.h"
 #include "doppel/detect/hands/hand_search.h"
 #include "doppel/detect/keypoints/keypoint_table.h"
 #include "doppel/geometry/image_file.h"
@@ -116,8 +117,10 @@ std::optional<DetectReport> detect_camera(const DetectSource& source, const Dete
     if (detectors.hands && pose) hands = detectors.hands->read_hands(image, *pose);
     tables.add(frame, pose, hands);
     if (!files.masks.empty()) {
-      const cv::Mat mask = pose ? pose->mask : cv::Mat::zeros(image.size(), CV_8U);
-      write_image(mask_file(files.masks, frame), sharpen ? sharpen_mask(image, mask, background) : mask);
+      cv::Mat mask = pose ? pose->mask : cv::Mat::zeros(image.size(), CV_8U);
+      if (sharpen) mask = sharpen_mask(image, mask, background);
+      if (sharpen && files.possible_parts) mark_possible_parts(image, mask, background);
+      write_image(mask_file(files.masks, frame), mask);
     }
     if (!advance()) return std::nullopt;
   }

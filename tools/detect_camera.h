@@ -16,6 +16,8 @@ struct DetectFiles {
   std::filesystem::path keypoints;  ///< table of points in the images
   std::filesystem::path joints;     ///< table of points in space
   std::filesystem::path masks;      ///< folder of images, one for each frame; empty: no masks
+  /// Whether masks mark what the network may have missed (detect/blazepose/possible_parts.h): other cameras decide.
+  bool possible_parts = false;
 };
 
 /// What was found in the images of one camera.

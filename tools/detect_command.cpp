@@ -204,7 +204,8 @@ class DetectJob {
     const bool only_masks = network_ && network_->layout.points.empty();
     return {only_masks ? fs::path() : folder / (source.camera + ".csv"),
             network_ ? fs::path() : folder / (source.camera + "_joints3d.csv"),
-            arguments_.masks || only_masks ? folder / "masks" / source.camera : fs::path()};
+            arguments_.masks || only_masks ? folder / "masks" / source.camera : fs::path(),
+            sharpen_ && is_compared(source, sources_)};
   }
 
   /// Reads whom the user names. The only camera needs no search.
@@ -261,8 +262,10 @@ class DetectJob {
     if (stop_requested()) return;
     std::vector<fs::path> folders;
     for (const DetectSource& source : sources_) folders.push_back(files_of(source).masks);
-    const long dropped = compare_masks(sources_, folders, [&] { return advance(); });
-    if (dropped > 0) log::info("{} pixels of masks were contradicted by the other cameras and are removed", dropped);
+    const auto [removed, added] = compare_masks(sources_, folders, [&] { return advance(); });
+    if (removed > 0) log::info("{} pixels of masks were contradicted by the other cameras and are removed", removed);
+    if (added > 0)
+      log::info("{} pixels that the network had missed are added: other cameras see the person there", added);
   }
 
   /// Called before or after each step of the work. @return whether to go on

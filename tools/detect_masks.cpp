@@ -8,7 +8,6 @@
 
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
-#include "doppel/detect/blazepose/mask_agreement.h"
 #include "doppel/geometry/image_file.h"
 
 namespace doppel::tools {
@@ -29,9 +28,8 @@ class Moment {
   void add(const DetectSource& source, const fs::path& folder, long frame) {
     const fs::path file = mask_file(folder, frame);
     masks_.push_back(read_mask(file));
-    cv::Mat& mask = masks_.back();
+    const cv::Mat& mask = masks_.back();
     files_.push_back(file);
-    before_.push_back(cv::countNonZero(mask));
     Camera camera = *source.calibration;
     const bool sized = camera.width > 0 && camera.height > 0;
     if (!sized) {
@@ -41,19 +39,19 @@ class Moment {
     cameras_.push_back(camera.scaled_to(mask.cols, mask.rows));
   }
 
-  /// Writes the masks that change. @return the number of removed pixels
-  long compare() {
-    const long dropped = drop_contradicted_pixels(masks_, cameras_);
+  /// Writes the masks that change.
+  SettledPixels settle() {
+    const std::vector<cv::Mat> before = masks_;
+    const SettledPixels changes = settle_masks(masks_, cameras_);
     for (std::size_t i = 0; i < masks_.size(); ++i)
-      if (cv::countNonZero(masks_[i]) != before_[i]) write_image(files_[i], masks_[i]);
-    return dropped;
+      if (cv::countNonZero(masks_[i] != before[i]) > 0) write_image(files_[i], masks_[i]);
+    return changes;
   }
 
  private:
   std::vector<cv::Mat> masks_;
   std::vector<Camera> cameras_;
   std::vector<fs::path> files_;
-  std::vector<int> before_;
 };
 
 using Sequences = std::map<std::string, std::vector<const DetectSource*>>;
@@ -104,23 +102,30 @@ long num_compared_moments(std::span<const DetectSource> sources) {
   return moments;
 }
 
-long compare_masks(std::span<const DetectSource> sources, std::span<const fs::path> folders,
-                   const std::function<bool()>& go_on) {
-  long dropped = 0;
+bool is_compared(const DetectSource& source, std::span<const DetectSource> sources) {
+  const Sequences compared = compared_sequences(sources);
+  return source.calibration && compared.contains(source.sequence);
+}
+
+SettledPixels compare_masks(std::span<const DetectSource> sources, std::span<const fs::path> folders,
+                            const std::function<bool()>& go_on) {
+  SettledPixels changes;
   for (const auto& [name, cameras] : compared_sequences(sources)) {
     const auto [first, last] = rows_of(cameras);
     for (long row = first; row <= last; ++row) {
-      if (!go_on()) return dropped;
+      if (!go_on()) return changes;
       Moment moment;
       for (const DetectSource* camera : cameras) {
         const long frame = camera->clock.frame(row);
         if (frame >= camera->frames.front() && frame <= camera->frames.back())
           moment.add(*camera, folders[camera - sources.data()], frame);
       }
-      dropped += moment.compare();
+      const auto [removed, added] = moment.settle();
+      changes.removed += removed;
+      changes.added += added;
     }
   }
-  return dropped;
+  return changes;
 }
 
 }  // namespace doppel::tools

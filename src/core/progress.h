@@ -19,6 +19,8 @@ class Progress {
 
   /// @param note text behind the bar ("loss 0.031")
   void advance(std::int64_t steps = 1, const std::string& note = "");
+  /// Takes steps from the total that turned out not to be needed.
+  void drop(std::int64_t steps) { total_ -= steps; }
   /// Ends the bar. The destructor calls it too.
   void finish();
 

@@ -2,7 +2,6 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <opencv2/core/utility.hpp>
@@ -11,6 +10,8 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/detect/blazepose/possible_parts.h"
+#include "doppel/detect/masks/components.h"
 
 namespace doppel {
 
@@ -33,7 +34,8 @@ std::optional<Ray> ray_of(const Camera& camera, const Eigen::Vector2d& pixel) {
 struct View {
   std::size_t index;
   const Camera* camera;
-  cv::Mat near;  ///< the mask and what is within the tolerance
+  cv::Mat person;  ///< the mask, 0 or 255
+  cv::Mat near;    ///< the mask and what is within the tolerance
 };
 
 void check(const std::vector<cv::Mat>& masks, std::span<const Camera> cameras, const MaskAgreement& options) {
@@ -45,21 +47,25 @@ void check(const std::vector<cv::Mat>& masks, std::span<const Camera> cameras, c
       fail<UsageError>("comparing masks: that of camera {} has {}x{} pixels and {} channels; expected {}x{} and 8 bits",
                        cameras[i].name, masks[i].cols, masks[i].rows, masks[i].channels(), cameras[i].width,
                        cameras[i].height);
-  if (!(options.share > 0) || options.share > 1 || options.tolerance < 0 || !(options.step > 0) ||
+  const auto is_share = [](double share) { return share > 0 && share <= 1; };
+  if (!is_share(options.share) || !is_share(options.possible_share) || options.tolerance < 0 || !(options.step > 0) ||
       !(options.radius > 0))
     fail<UsageError>(
-        "comparing masks with share {}, tolerance {}, step {}, radius {}: the share must be in (0, 1], the tolerance 0 "
-        "or more, step and radius positive",
-        options.share, options.tolerance, options.step, options.radius);
+        "comparing masks with shares {} and {}, tolerance {}, step {}, radius {}: shares must be in (0, 1], the "
+        "tolerance "
+        "0 or more, step and radius positive",
+        options.share, options.possible_share, options.tolerance, options.step, options.radius);
 }
 
 std::vector<View> views_of(const std::vector<cv::Mat>& masks, std::span<const Camera> cameras, int tolerance) {
   std::vector<View> views;
   const cv::Mat disc = cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * tolerance + 1, 2 * tolerance + 1});
   for (std::size_t i = 0; i < masks.size(); ++i) {
-    if (masks[i].empty() || cv::countNonZero(masks[i]) == 0) continue;
-    views.push_back({i, &cameras[i], {}});
-    cv::dilate(masks[i], views.back().near, disc);
+    if (masks[i].empty()) continue;
+    const cv::Mat person = masks[i] == 255;
+    if (cv::countNonZero(person) == 0) continue;
+    views.push_back({i, &cameras[i], person, {}});
+    cv::dilate(person, views.back().near, disc);
   }
   return views;
 }
@@ -86,8 +92,21 @@ class Agreement {
   Agreement(const std::vector<View>& views, const Eigen::Vector3d& middle, const MaskAgreement& options)
       : views_(views), middle_(middle), options_(options) {}
 
-  /// Whether the other views agree with a pixel of a view: points of its ray are tested from the middle outwards.
-  bool supports(const View& view, const Eigen::Vector2d& pixel) const {
+  /// The pixels of a view that the others support. @param pixels 0 or 255 @param share of the other views
+  cv::Mat supported(const View& view, const cv::Mat& pixels, double share) const {
+    cv::Mat result = pixels.clone();
+    cv::parallel_for_({0, pixels.rows}, [&](const cv::Range& rows) {
+      for (int row = rows.start; row < rows.end; ++row)
+        for (int column = 0; column < pixels.cols; ++column)
+          if (pixels.at<std::uint8_t>(row, column) != 0 && !supports(view, {column + 0.5, row + 0.5}, share))
+            result.at<std::uint8_t>(row, column) = 0;
+    });
+    return result;
+  }
+
+ private:
+  /// Points of the ray are tested from the middle outwards.
+  bool supports(const View& view, const Eigen::Vector2d& pixel, double share) const {
     const auto ray = ray_of(*view.camera, pixel);
     if (!ray) return true;
     const double along = ray->direction.dot(middle_ - ray->origin);
@@ -96,13 +115,13 @@ class Agreement {
     const double half = std::sqrt(options_.radius * options_.radius - across * across);
     for (double offset = 0; offset <= half; offset += options_.step)
       for (const double side : {-1.0, 1.0})
-        if (along + side * offset > 0 && is_inside(ray->origin + (along + side * offset) * ray->direction, view.index))
+        if (along + side * offset > 0 &&
+            is_inside(ray->origin + (along + side * offset) * ray->direction, view.index, share))
           return true;
     return false;
   }
 
- private:
-  bool is_inside(const Eigen::Vector3d& point, std::size_t except) const {
+  bool is_inside(const Eigen::Vector3d& point, std::size_t except, double share) const {
     int seen = 0, on_mask = 0;
     for (const View& view : views_) {
       if (view.index == except || view.camera->camera_from_world(point).z() <= 0) continue;
@@ -112,7 +131,7 @@ class Agreement {
       ++seen;
       on_mask += view.near.at<std::uint8_t>(static_cast<int>(pixel.y()), static_cast<int>(pixel.x())) != 0;
     }
-    return seen >= kMinOthers && on_mask >= options_.share * seen;
+    return seen >= kMinOthers && on_mask >= share * seen;
   }
 
   const std::vector<View>& views_;
@@ -120,34 +139,35 @@ class Agreement {
   MaskAgreement options_;
 };
 
-long drop_pixels(const Agreement& agreement, const View& view, cv::Mat& mask) {
-  cv::Mat kept = mask.clone();
-  std::atomic<long> dropped{0};
-  cv::parallel_for_({0, mask.rows}, [&](const cv::Range& rows) {
-    for (int row = rows.start; row < rows.end; ++row)
-      for (int column = 0; column < mask.cols; ++column)
-        if (mask.at<std::uint8_t>(row, column) != 0 && !agreement.supports(view, {column + 0.5, row + 0.5})) {
-          kept.at<std::uint8_t>(row, column) = 0;
-          ++dropped;
-        }
-  });
-  mask = kept;
-  return dropped;
+/// The person in a view as the others see it too. @param mask of the view
+cv::Mat settled(const Agreement& agreement, const View& view, const cv::Mat& mask, const MaskAgreement& options) {
+  const cv::Mat person = agreement.supported(view, view.person, options.share);
+  const cv::Mat possible = mask == kPossiblePerson;
+  if (cv::countNonZero(possible) == 0) return person;
+  return components_touching(person | agreement.supported(view, possible, options.possible_share), person);
 }
 
 }  // namespace
 
-long drop_contradicted_pixels(std::vector<cv::Mat>& masks, std::span<const Camera> cameras,
-                              const MaskAgreement& options) {
+SettledPixels settle_masks(std::vector<cv::Mat>& masks, std::span<const Camera> cameras, const MaskAgreement& options) {
   check(masks, cameras, options);
   const std::vector<View> views = views_of(masks, cameras, options.tolerance);
-  if (views.size() < as_size(kMinOthers + 1)) return 0;
-  const auto middle = middle_of(views);
-  if (!middle) return 0;
-  const Agreement agreement(views, *middle, options);
-  long dropped = 0;
-  for (const View& view : views) dropped += drop_pixels(agreement, view, masks[view.index]);
-  return dropped;
+  const auto middle = views.size() > as_size(kMinOthers) ? middle_of(views) : std::nullopt;
+  SettledPixels changes;
+  std::vector<cv::Mat> result(masks.size());
+  for (std::size_t i = 0; i < masks.size(); ++i)
+    if (!masks[i].empty()) result[i] = masks[i] == 255;
+  if (middle) {
+    const Agreement agreement(views, *middle, options);
+    for (const View& view : views) {
+      cv::Mat& mask = result[view.index];
+      mask = settled(agreement, view, masks[view.index], options);
+      changes.removed += cv::countNonZero(view.person & ~mask);
+      changes.added += cv::countNonZero(mask & ~view.person);
+    }
+  }
+  masks = std::move(result);
+  return changes;
 }
 
 }  // namespace doppel

@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
+#include "doppel/detect/blazepose/colour_product.h"
 #include "doppel/detect/blazepose/repeated_chroma.h"
 
 namespace doppel {
@@ -24,7 +25,6 @@ constexpr double kMinHalvedCell = 3;                   // pixels: larger ones do
 constexpr double kMinPartArea = 16, kMinHoleArea = 4;  // squared cells
 constexpr float kDeviation = 8;                        // of colours, levels of 255
 constexpr float kMaxLogit = 4;
-constexpr float kBrightnessWeight = 0.15f;           // squared: brightness counts 0.4 of other differences
 constexpr float kMinSupport = 1e-3f;                 // share of a window
 constexpr float kMinContrast = 1;                    // squared levels
 constexpr float kDarkest = 0.3f, kBrightest = 1.2f;  // of the learnt brightness
@@ -176,8 +176,6 @@ class Outline {
     return result;
   }
 
-  static float brightness(const Colour& colour) { return colour[0] + colour[1] + colour[2]; }
-
   /// The background's colour at a pixel. @return false where it cannot be told
   bool background_at(int row, int column, Colour& colour) const {
     if (known_.empty() || known_.at<std::uint8_t>(row, column) == 0) return background_.at(row, column, colour);
@@ -194,16 +192,11 @@ class Outline {
       Colour background, body;
       if (!person_.at(row, column, body) || !background_at(row, column, background)) continue;
       const Colour seen = image_(row, column) - background, contrast = body - background;
-      const float squared = std::max(kMinContrast, product(contrast, contrast));
+      const float squared = std::max(kMinContrast, colour_product(contrast, contrast));
       const float logit = kLogits[probability_.at<std::uint8_t>(row, column)];
-      const bool person = product(seen, contrast) >= coverage * squared - kDeviation * kDeviation * logit;
+      const bool person = colour_product(seen, contrast) >= coverage * squared - kDeviation * kDeviation * logit;
       mask_.at<std::uint8_t>(row, column) = person ? 255 : 0;
     }
-  }
-
-  /// The inner product of colours, in which brightness counts less than other differences.
-  static float product(const Colour& a, const Colour& b) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - (1.0f - kBrightnessWeight) / 3.0f * brightness(a) * brightness(b);
   }
 
   cv::Mat probability_, mask_, undecided_, unsure_, known_;

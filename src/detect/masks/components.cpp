@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 namespace doppel {
 namespace {
@@ -40,6 +41,21 @@ cv::Mat largest_component(const cv::Mat& mask) {
   for (int label = 2; label < count; ++label)
     if (statistics.at<int>(label, cv::CC_STAT_AREA) > statistics.at<int>(best, cv::CC_STAT_AREA)) best = label;
   return labels == best;
+}
+
+cv::Mat components_touching(const cv::Mat& mask, const cv::Mat& other) {
+  cv::Mat labels;
+  const int count = cv::connectedComponents(mask, labels, 8, CV_32S);
+  std::vector<bool> touches(count, false);
+  for (int row = 0; row < mask.rows; ++row)
+    for (int column = 0; column < mask.cols; ++column)
+      if (other.at<std::uint8_t>(row, column) != 0) touches[labels.at<int>(row, column)] = true;
+  cv::Mat result = cv::Mat::zeros(mask.size(), CV_8U);
+  for (int row = 0; row < mask.rows; ++row)
+    for (int column = 0; column < mask.cols; ++column)
+      if (const int label = labels.at<int>(row, column); label != 0 && touches[label])
+        result.at<std::uint8_t>(row, column) = 255;
+  return result;
 }
 
 // The background at the corners is flooded first: often there is no other component.

@@ -8,14 +8,16 @@ namespace doppel {
 
 namespace {
 constexpr double kNearestDepth = 0.05;  // metres
+constexpr int kFinestWindow = 2;        // pixels of a window for each pixel of the image
 }
 
 OutlineField::OutlineField(const cv::Mat& mask, int pixels, double margin) {
   const CropBox box = crop_of_mask(mask, margin);
   if (box.empty()) return;
-  const cv::Mat window = crop_mask(mask, box, pixels);
+  const int side = std::min(pixels, kFinestWindow * box.side);
+  const cv::Mat window = crop_mask(mask, box, side);
   const int inside = cv::countNonZero(window);
-  if (inside == 0 || inside == pixels * pixels) return;
+  if (inside == 0 || inside == side * side) return;
   box_ = box;
   distance_ = signed_distance(window);
 }

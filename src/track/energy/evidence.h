@@ -23,7 +23,8 @@ class OutlineField {
  public:
   OutlineField() = default;
   /// @param mask 0 or 255, of the camera's size; the field is empty when no pixel or every pixel shows the person
-  /// @param pixels side of the window that the mask is resized to
+  /// @param pixels side of the window that the mask is resized to; at most two for each pixel of the image are used,
+  /// because the mask has no finer detail
   /// @param margin around the person, relative to the longer side of its box
   OutlineField(const cv::Mat& mask, int pixels, double margin = 0.1);
 

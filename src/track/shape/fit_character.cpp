@@ -114,7 +114,10 @@ void bend(const Footage& footage, const SeenFrames& frames, const FitCharacterOp
     PosedFrames poses = find_poses(bent, fitted.landmarks, footage.cameras(), frames, options.config);
     log::info("surface bent to the outlines: IoU of the template {:.4f}, {:.4f} before", poses.overlap,
               fitted.poses.overlap);
-    if (poses.overlap <= fitted.poses.overlap) return;
+    if (poses.overlap <= fitted.poses.overlap) {
+      progress.drop(static_cast<std::int64_t>(fitted.poses.frames.size()) * (options.bends - 1 - round));
+      return;
+    }
     fitted.character = std::move(bent);
     fitted.poses = std::move(poses);
   }

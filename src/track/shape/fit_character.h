@@ -19,9 +19,13 @@ struct FitCharacterOptions {
   ShapeRounds shape;
 
   /// Outlines count more than in tracking by default, and keypoints less: keypoints are off in the same way in all
-  /// frames, so a body that follows them is off, too. Finer outlines make the body more accurate.
+  /// frames, so a body that follows them is off, too. Finer outlines make the body more accurate. The terms that hold a
+  /// pose near to the predicted one have the same share of the weights of the keypoints as by default, so that an arm
+  /// whose outline is hidden still follows its keypoints.
   FitCharacterOptions() {
     config.fit.keypoint_weight = 0.3;
+    config.fit.temporal_weight = 1500.0;
+    config.fit.steady_weight = 30.0;
     config.fit.silhouette_weight = 100.0;
     config.fit.outline_pixels = 512;
     config.fit.outline_vertices = 600;

@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
+#include "doppel/detect/blazepose/possible_parts.h"
 
 namespace doppel::mask_agreement_test {
 namespace {
@@ -64,7 +65,7 @@ TEST(MaskAgreement, AFalseBlobOfOneCameraIsRemovedAndTheSphereStays) {
   for (const cv::Mat& mask : ground_truth) masks.push_back(mask.clone());
   cv::circle(masks[2], {20, 130}, 9, 255, -1);
   const long blob = cv::countNonZero(masks[2]) - cv::countNonZero(ground_truth[2]);
-  EXPECT_EQ(drop_contradicted_pixels(masks, views), blob);
+  EXPECT_EQ(settle_masks(masks, views).removed, blob);
   for (std::size_t i = 0; i < masks.size(); ++i) EXPECT_EQ(cv::countNonZero(masks[i] != ground_truth[i]), 0) << i;
 }
 
@@ -74,8 +75,8 @@ TEST(MaskAgreement, OneCameraThatMissesAPartDoesNotSpoilTheOthers) {
   std::vector<cv::Mat> masks;
   for (const cv::Mat& mask : ground_truth) masks.push_back(mask.clone());
   masks[0].rowRange(0, kPixels / 2).setTo(0);
-  EXPECT_EQ(drop_contradicted_pixels(masks, views), 0);
-  EXPECT_GT(drop_contradicted_pixels(masks, views, {.share = 1}), 0);
+  EXPECT_EQ(settle_masks(masks, views).removed, 0);
+  EXPECT_GT(settle_masks(masks, views, {.share = 1}).removed, 0);
 }
 
 TEST(MaskAgreement, CamerasThatSawNobodyHaveNoSay) {
@@ -83,21 +84,56 @@ TEST(MaskAgreement, CamerasThatSawNobodyHaveNoSay) {
   std::vector<cv::Mat> masks = sphere_masks(views);
   masks[0].setTo(0);
   masks[3] = cv::Mat();
-  EXPECT_EQ(drop_contradicted_pixels(masks, views), 0);
+  EXPECT_EQ(settle_masks(masks, views).removed, 0);
   masks[1].setTo(0);
   masks[2].setTo(0);
   masks[4].setTo(255);  // two masks are left
-  EXPECT_EQ(drop_contradicted_pixels(masks, views), 0);
+  EXPECT_EQ(settle_masks(masks, views).removed, 0);
+}
+
+TEST(MaskAgreement, AMissingPartThatTheOthersSeeIsAdded) {
+  const std::vector<Camera> views = cameras(6);
+  const std::vector<cv::Mat> ground_truth = sphere_masks(views);
+  std::vector<cv::Mat> masks;
+  for (const cv::Mat& mask : ground_truth) masks.push_back(mask.clone());
+  masks[0].rowRange(0, kPixels / 2).setTo(kPossiblePerson);  // half of the sphere, and the background around it
+  const auto [removed, added] = settle_masks(masks, views);
+  EXPECT_EQ(removed, 0);
+  EXPECT_GT(added, 0);
+  // The hull of three of the five others is larger than the sphere: 24 pixels of radius here.
+  cv::Mat around;
+  cv::dilate(ground_truth[0], around, cv::Mat::ones(75, 75, CV_8U));
+  EXPECT_EQ(cv::countNonZero(masks[0] & ~around), 0);
+  EXPECT_EQ(cv::countNonZero(ground_truth[0] & ~masks[0]), 0);
+  for (std::size_t i = 1; i < masks.size(); ++i) EXPECT_EQ(cv::countNonZero(masks[i] != ground_truth[i]), 0) << i;
+}
+
+TEST(MaskAgreement, APossiblePartWithoutSupportBecomesBackground) {
+  const std::vector<Camera> views = cameras(3);
+  const std::vector<cv::Mat> ground_truth = sphere_masks(views);
+  std::vector<cv::Mat> masks;
+  for (const cv::Mat& mask : ground_truth) masks.push_back(mask.clone());
+  cv::circle(masks[2], {20, 130}, 9, kPossiblePerson, -1);
+  EXPECT_EQ(settle_masks(masks, views).added, 0);
+  for (std::size_t i = 0; i < masks.size(); ++i) EXPECT_EQ(cv::countNonZero(masks[i] != ground_truth[i]), 0) << i;
+
+  masks[1].setTo(0);  // two masks are left: nothing is added
+  masks[0].setTo(kPossiblePerson, ground_truth[0]);
+  masks[0].row(kPixels / 2).setTo(255, ground_truth[0].row(kPixels / 2));
+  const int before = cv::countNonZero(masks[0] == 255);
+  EXPECT_EQ(settle_masks(masks, views).added, 0);
+  EXPECT_EQ(cv::countNonZero(masks[0]), before);
 }
 
 TEST(MaskAgreement, WrongInputIsRefused) {
   const std::vector<Camera> views = cameras(3);
   std::vector<cv::Mat> masks = sphere_masks(views);
-  EXPECT_THROW(drop_contradicted_pixels(masks, std::span(views).first(2)), UsageError);
-  EXPECT_THROW(drop_contradicted_pixels(masks, views, {.share = 0}), UsageError);
-  EXPECT_THROW(drop_contradicted_pixels(masks, views, {.step = 0}), UsageError);
+  EXPECT_THROW(settle_masks(masks, std::span(views).first(2)), UsageError);
+  EXPECT_THROW(settle_masks(masks, views, {.share = 0}), UsageError);
+  EXPECT_THROW(settle_masks(masks, views, {.possible_share = 1.5}), UsageError);
+  EXPECT_THROW(settle_masks(masks, views, {.step = 0}), UsageError);
   masks[1] = cv::Mat::zeros(5, 5, CV_8U);
-  EXPECT_THROW(drop_contradicted_pixels(masks, views), UsageError);
+  EXPECT_THROW(settle_masks(masks, views), UsageError);
 }
 
 }  // namespace

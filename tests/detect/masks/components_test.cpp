@@ -36,6 +36,13 @@ TEST(LargestComponent, ContinuesOverCorners) {
   EXPECT_TRUE(equal(largest_component(rectangles(parts)), rectangles(parts)));
 }
 
+TEST(ComponentsTouching, HaveAPixelOnTheOtherMask) {
+  const std::vector<cv::Rect> parts{{10, 10, 10, 10}, {20, 20, 10, 10}, {50, 10, 10, 10}, {50, 40, 5, 5}};
+  const cv::Mat found = components_touching(rectangles(parts), rectangles({{0, 0, 11, 11}, {48, 43, 3, 10}}));
+  EXPECT_TRUE(equal(found, rectangles({parts[0], parts[1], parts[3]}))) << "the first two meet at a corner";
+  EXPECT_EQ(cv::countNonZero(components_touching(rectangles(parts), rectangles({{30, 0, 10, 10}}))), 0);
+}
+
 TEST(LargestComponent, IsEmptyInAnEmptyMask) { EXPECT_EQ(cv::countNonZero(largest_component(rectangles({}))), 0); }
 
 TEST(FillHoles, FillsThoseUpToTheLimit) {

@@ -18,6 +18,7 @@
 #include "doppel/detect/blazepose/body_detector.h"
 #include "doppel/detect/blazepose/mask_agreement.h"
 #include "doppel/detect/blazepose/mask_sharpening.h"
+#include "doppel/detect/blazepose/possible_parts.h"
 #include "support/blazepose_weights.h"
 
 namespace doppel::real_outlines_test {
@@ -158,7 +159,9 @@ class RealOutlines : public support::BlazePoseTest {
     std::optional<BodyPose> pose;
     for (long before = kFramesBefore; before >= 0; --before) pose = tracker.track(frames.at(outline.frame - before));
     const cv::Mat& image = frames.at(outline.frame);
-    return sharpen_mask(image, pose ? pose->mask : cv::Mat::zeros(image.size(), CV_8U), background);
+    cv::Mat mask = sharpen_mask(image, pose ? pose->mask : cv::Mat::zeros(image.size(), CV_8U), background);
+    mark_possible_parts(image, mask, background);
+    return mask;
   }
 
   /// The masks of all frames with an outline, in order of the file.
@@ -220,7 +223,7 @@ class RealOutlines : public support::BlazePoseTest {
         seen.push_back(masks[i]);
         seen_by.push_back(camera_of(cameras, outlines[i].camera, masks[i].size()));
       }
-      drop_contradicted_pixels(seen, seen_by);
+      settle_masks(seen, seen_by);
       for (std::size_t k = 0; k < views.size(); ++k) masks[views[k]] = seen[k];
     }
   }

@@ -35,7 +35,7 @@ class FilmedStranger : public ::testing::Test {
 
   std::unique_ptr<Footage> footage() const {
     return Footage::open_for(family_.character(family_.mean()), *folder_ / "fitted.character", *folder_ / "capture",
-                             TrackConfig().fit.outline_pixels);
+                             FitCharacterOptions().config.fit.outline_pixels);
   }
   static FitCharacterOptions few_frames() {
     FitCharacterOptions options;
@@ -71,6 +71,14 @@ TEST_F(FilmedStranger, BecomesACharacterOfHisLengthsAndShape) {
   EXPECT_EQ(fitted.character.fingerprint(), family_.character(family_.mean()).fingerprint());
   const Character read = load_character(write_character(*folder_ / "written", fitted.character));
   EXPECT_EQ(read.fingerprint(), fitted.character.fingerprint());
+}
+
+TEST_F(FilmedStranger, MoreBendsNeverLowerTheOverlap) {
+  FitCharacterOptions options = few_frames();
+  options.texture_size = 0;
+  const double once = fit_character(family_, *footage(), options).poses.overlap;
+  options.bends = 4;
+  EXPECT_GE(fit_character(family_, *footage(), options).poses.overlap, once);
 }
 
 TEST_F(FilmedStranger, AnUnknownSequenceIsRefused) {
