@@ -48,15 +48,16 @@ class RealFace : public support::BlazePoseTest {
   }
 };
 
-/// A face is about 90 pixels high here, so a pixel is 2.5 mm. The two cameras that see the face from the front are 60
-/// degrees apart; a point off by 1 cm in one of them would leave residuals of 2 pixels.
+/// Over the frames 0 to 449, the median residual is 1.4 pixels (docs/detect.md), and in these frames it is 2.1. Points
+/// of a region that is not turned back, or in another order, would be off by a part of the face, which is 60 pixels
+/// high.
 TEST_F(RealFace, LandmarksOfTwoCamerasMeetInSpace) {
   std::vector<Camera> cameras = read_posed_cameras(shared_ / "captures" / "zju4");
   BodyDetector bodies({.model = BlazePoseModel::full, .masks = false});
   FaceDetector detector;
   std::map<int, std::vector<std::pair<Camera, FacePose>>> seen;  // by frame
   for (Camera& camera : cameras) {
-    for (const auto& [frame, image] : frames_of(camera.name, 40, 120)) {
+    for (const auto& [frame, image] : frames_of(camera.name, 24, 120)) {
       if (camera.width == 0) {
         camera.width = image.cols;
         camera.height = image.rows;
@@ -81,7 +82,7 @@ TEST_F(RealFace, LandmarksOfTwoCamerasMeetInSpace) {
   const double median = median_of(residuals);
   fmt::print("{} sights of landmarks, median residual {:.2f} pixels\n", residuals.size(), median);
   EXPECT_GE(residuals.size(), 150u);
-  EXPECT_LT(median, 2.5);
+  EXPECT_LT(median, 3.0);
 }
 
 TEST_F(RealFace, OfAMirroredImageAreMirrored) {
