@@ -40,8 +40,8 @@ struct DetectArguments {
   std::string source, model, network, config, layout;  ///< model empty: chosen by the number of cameras
   fs::path out;
   std::vector<std::string> person;  ///< words of --person
-  bool masks = false, raw_masks = false, keep_keypoints = false;
-  std::optional<bool> mirror, hands, face;  ///< nothing: as the model was chosen
+  bool face = false, masks = false, raw_masks = false, keep_keypoints = false;
+  std::optional<bool> mirror, hands;  ///< nothing: as the model was chosen
 
   bool has_network() const { return !network.empty() || !config.empty(); }
 };
@@ -54,9 +54,8 @@ bool several_cameras(const std::vector<DetectSource>& sources) {
 
 /// @param accurate whether accuracy counts more than time
 PersonPoints chosen_points(const DetectArguments& arguments, bool accurate) {
-  const bool hands = arguments.hands.value_or(accurate || arguments.face.value_or(false));
-  if (!hands) return PersonPoints::body;
-  return arguments.face.value_or(accurate) ? PersonPoints::body_face_hands : PersonPoints::body_hands;
+  if (arguments.face) return PersonPoints::body_face_hands;
+  return arguments.hands.value_or(accurate) ? PersonPoints::body_hands : PersonPoints::body;
 }
 
 /// Searches the images of one camera.
@@ -341,11 +340,11 @@ std::optional<Json> detect(const DetectArguments& arguments, const CommonOptions
     fail<UsageError>(
         "--layout belongs to --network; BlazePose has the layout mediapipe33, with --hands mediapipe75, with --face "
         "mediapipe543");
-  if (arguments.has_network() && (arguments.hands.value_or(false) || arguments.face.value_or(false)))
+  if (arguments.has_network() && (arguments.hands.value_or(false) || arguments.face))
     fail<UsageError>(
         "--hands and --face belong to BlazePose, and --network takes its place; a network of your own may find hands "
         "and faces");
-  if (arguments.face.value_or(false) && !arguments.hands.value_or(true))
+  if (arguments.face && !arguments.hands.value_or(true))
     fail<UsageError>("--face with --no-hands: no layout has a face without hands; leave out --no-hands");
   check_detect_out(arguments.source, arguments.out);
   begin_work(common, arguments.out, [&] { return detect_inputs(arguments.source); });
@@ -414,9 +413,7 @@ Command add_detect(CLI::App& program) {
   app->add_flag_function(
       "--hands,!--no-hands", [arguments](std::int64_t count) { arguments->hands = count > 0; },
       "Also find 21 points of each hand (default: for a capture of several cameras without --model)");
-  app->add_flag_function(
-      "--face,!--no-face", [arguments](std::int64_t count) { arguments->face = count > 0; },
-      "Also find 468 points of the face, with hands (default: for a capture of several cameras without --model)");
+  app->add_flag("--face,!--no-face", arguments->face, "Also find hands and 468 points of the face (default: no)");
   app->add_flag("--masks", arguments->masks, "Also write masks: 255 on the person, 0 elsewhere");
   app->add_flag("--raw-masks", arguments->raw_masks, "With --masks: the network's probability of the person times 255");
   app->add_flag("--keep-keypoints", arguments->keep_keypoints,

@@ -27,7 +27,7 @@ Eigen::Vector2d above(const Eigen::Vector2d& across) { return {across.y(), -acro
 
 bool looks_away(const BodyPose& body) {
   const Eigen::Vector3d ahead = body.world[kNose] - 0.5 * (body.world[kLeftEar] + body.world[kRightEar]);
-  return !(-ahead.z() >= std::cos(kMaxTurn) * ahead.norm());
+  return !(-ahead.z() > std::cos(kMaxTurn) * ahead.norm());
 }
 
 }  // namespace

@@ -23,6 +23,9 @@ std::string hand_of(const std::string& landmark) {
   return {};
 }
 
+/// What the points of one hand, or those of the face, count together.
+constexpr double kWeightOfHand = 3.0, kWeightOfFace = 3.0;
+
 }  // namespace
 
 std::vector<double> landmark_fit_weights(const std::vector<std::string>& landmarks) {
@@ -32,8 +35,8 @@ std::vector<double> landmark_fit_weights(const std::vector<std::string>& landmar
     const std::string hand = hand_of(name);
     const bool is_doubled = !hand.empty() && std::ranges::find(landmarks, hand) != landmarks.end();
     weights.push_back(is_doubled            ? 0.0
-                      : is_hand_point(name) ? 3.0 / kNumHandPoints
-                      : is_face_point(name) ? 3.0 / face_points
+                      : is_hand_point(name) ? kWeightOfHand / kNumHandPoints
+                      : is_face_point(name) ? kWeightOfFace / face_points
                                             : 1.0);
   }
   return weights;

@@ -85,6 +85,7 @@ TEST_F(FaceDetectorTest, RefusesOddImagesAndRegions) {
 
 TEST_F(FaceDetectorTest, FindsTheFaceOfABody) {
   BodyPose body{};
+  body.world.fill(Eigen::Vector3d::Zero());
   body.world[0].z() = -0.1;
   body.landmarks[2].x = 40;
   EXPECT_TRUE(detector_.read_face(image_of(0.8, 0, 0), body));

@@ -82,8 +82,12 @@ TEST(FaceRoi, IsNothingWhereTheFaceLooksAway) {
 }
 
 TEST(FaceRoi, OfABodyWithoutExtentIsNotValid) {
-  const auto roi = face_roi(BodyPose{});
-  EXPECT_TRUE(!roi || !roi->valid());
+  BodyPose body{};
+  body.world.fill(Vector3d(0, 0, 1));
+  body.world[kNose].z() = 0.9;
+  EXPECT_FALSE(face_roi(body).value().valid());
+  body.world[kNose].z() = 1;
+  EXPECT_FALSE(face_roi(body).has_value()) << "a nose between the ears looks nowhere";
 }
 
 /// A face whose points fill a box, turned by an angle around its centre.

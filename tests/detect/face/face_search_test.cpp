@@ -15,6 +15,7 @@ const cv::Mat kImage(4, 4, CV_8UC3, cv::Scalar::all(0));
 /// A body whose nose is ahead of the ears, or behind them.
 BodyPose body_that_looks(bool away) {
   BodyPose body{};
+  body.world.fill(Eigen::Vector3d::Zero());
   body.world[0].z() = away ? 0.1 : -0.1;
   body.landmarks[2] = {110, 50, 0, 1, 1};
   body.landmarks[5] = {90, 50, 0, 1, 1};
