@@ -9,6 +9,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/detect/blazepose/mask_sharpening.h"
 #include "doppel/detect/blazepose/possible_parts.h"
+#include "doppel/detect/face/face_search.h"
 #include "doppel/detect/hands/hand_search.h"
 #include "doppel/detect/keypoints/keypoint_table.h"
 #include "doppel/geometry/image_file.h"
@@ -35,17 +36,20 @@ std::string joint_rows(long frame, const BodyPose& pose) {
 /// Collects the results of one camera.
 class DetectTables {
  public:
-  explicit DetectTables(bool with_hands) : layout_(mediapipe_layout(with_hands)) {}
+  explicit DetectTables(PointLayout layout) : layout_(std::move(layout)) {}
 
-  /// @param hands nothing: the layout has none
-  void add(long frame, const std::optional<BodyPose>& pose, const std::optional<HandPair>& hands) {
-    People& people = frames_[frame];
+  void add_nobody(long frame) {
+    frames_[frame] = {};
     ++report_.frames;
-    if (!pose) return;
+  }
+
+  /// @param person of the layout
+  void add(long frame, const BodyPose& pose, const Person& person) {
+    frames_[frame] = {person};
+    ++report_.frames;
     ++report_.with_person;
-    people.push_back(hands ? person_of_pose(*pose, *hands) : person_of_pose(*pose));
-    joints_ += joint_rows(frame, *pose);
-    for (std::size_t i = 0; i < pose->landmarks.size(); ++i) confidence_ += people[0][i].confidence;
+    joints_ += joint_rows(frame, pose);
+    for (std::size_t i = 0; i < pose.landmarks.size(); ++i) confidence_ += person[i].confidence;
   }
 
   DetectReport write(const DetectFiles& files) {
@@ -70,12 +74,45 @@ cv::Mat mask_of_all(BodyDetector& detector, const cv::Mat& image) {
   return mask;
 }
 
+PersonPoints points_of(const PersonDetectors& detectors) {
+  if (!detectors.hands) return PersonPoints::body;
+  return detectors.face ? PersonPoints::body_face_hands : PersonPoints::body_hands;
+}
+
+Person read_person(const cv::Mat& image, const BodyPose& pose, PersonDetectors& detectors) {
+  if (!detectors.hands) return person_of_pose(pose);
+  const HandPair hands = detectors.hands->read_hands(image, pose);
+  if (!detectors.face) return person_of_pose(pose, hands);
+  return person_of_pose(pose, detectors.face->read_face(image, pose), hands);
+}
+
+void add_hands(const BodyPose& pose, const HandPair& hands, Person& person) {
+  for (const HandSide side : kHandSides) {
+    const std::optional<HandPose>& hand = hands[as_size(side)];
+    for (std::size_t i = 0; i < as_size(kNumHandPoints); ++i)
+      person.push_back(hand ? Keypoint{static_cast<float>(hand->points[i].x()), static_cast<float>(hand->points[i].y()),
+                                       static_cast<float>(hand_confidence(*hand, pose, side))}
+                            : Keypoint());
+  }
+}
+
+void add_face(const BodyPose& pose, const std::optional<FacePose>& face, Person& person) {
+  for (std::size_t i = 0; i < as_size(kNumFacePoints); ++i)
+    person.push_back(face ? Keypoint{static_cast<float>(face->points[i].x()), static_cast<float>(face->points[i].y()),
+                                     static_cast<float>(face_confidence(*face, pose))}
+                          : Keypoint());
+}
+
 }  // namespace
 
-PointLayout mediapipe_layout(bool with_hands) {
-  PointLayout layout{with_hands ? "mediapipe75" : "mediapipe33",
-                     {kBodyLandmarkNames.begin(), kBodyLandmarkNames.end()}};
-  if (!with_hands) return layout;
+PointLayout mediapipe_layout(PersonPoints points) {
+  PointLayout layout{"mediapipe33", {kBodyLandmarkNames.begin(), kBodyLandmarkNames.end()}};
+  if (points == PersonPoints::body) return layout;
+  layout.name = "mediapipe75";
+  if (points == PersonPoints::body_face_hands) {
+    layout.name = "mediapipe543";
+    for (int i = 0; i < kNumFacePoints; ++i) layout.points.push_back(face_point_name(i));
+  }
   for (const std::string side : {"left_", "right_"})
     for (const char* name : kHandPointNames) layout.points.push_back(side + name);
   return layout;
@@ -91,13 +128,14 @@ Person person_of_pose(const BodyPose& pose) {
 
 Person person_of_pose(const BodyPose& pose, const HandPair& hands) {
   Person person = person_of_pose(pose);
-  for (const HandSide side : kHandSides) {
-    const std::optional<HandPose>& hand = hands[as_size(side)];
-    for (std::size_t i = 0; i < as_size(kNumHandPoints); ++i)
-      person.push_back(hand ? Keypoint{static_cast<float>(hand->points[i].x()), static_cast<float>(hand->points[i].y()),
-                                       static_cast<float>(hand_confidence(*hand, pose, side))}
-                            : Keypoint());
-  }
+  add_hands(pose, hands, person);
+  return person;
+}
+
+Person person_of_pose(const BodyPose& pose, const std::optional<FacePose>& face, const HandPair& hands) {
+  Person person = person_of_pose(pose);
+  add_face(pose, face, person);
+  add_hands(pose, hands, person);
   return person;
 }
 
@@ -109,13 +147,14 @@ std::optional<DetectReport> detect_camera(const DetectSource& source, const Dete
     background = learn_background_of(source, [&](const cv::Mat& image) { return mask_of_all(detectors.body, image); });
   const auto images = open_frames(source.images, PixelFormat::colour);
   BodyTracker tracker(detectors.body, guide.start());
-  DetectTables tables(detectors.hands.has_value());
+  DetectTables tables(mediapipe_layout(points_of(detectors)));
   for (const long frame : source.frames) {
     const cv::Mat image = images->read(frame);
     const std::optional<BodyPose> pose = tracker.track(image, guide.at(frame));
-    std::optional<HandPair> hands;
-    if (detectors.hands && pose) hands = detectors.hands->read_hands(image, *pose);
-    tables.add(frame, pose, hands);
+    if (pose)
+      tables.add(frame, *pose, read_person(image, *pose, detectors));
+    else
+      tables.add_nobody(frame);
     if (!files.masks.empty()) {
       cv::Mat mask = pose ? pose->mask : cv::Mat::zeros(image.size(), CV_8U);
       if (sharpen) mask = sharpen_mask(image, mask, background);

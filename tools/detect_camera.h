@@ -6,6 +6,7 @@
 
 #include "detect_sources.h"
 #include "doppel/detect/blazepose/body_detector.h"
+#include "doppel/detect/face/face_detector.h"
 #include "doppel/detect/hands/hand_detector.h"
 #include "doppel/detect/keypoints/keypoints.h"
 
@@ -30,15 +31,23 @@ struct DetectReport {
 struct PersonDetectors {
   BodyDetector body;
   std::optional<HandDetector> hands;  ///< nothing: hands are not read
+  std::optional<FaceDetector> face;   ///< nothing: the face is not read
 };
 
-/// MediaPipe's points: mediapipe33 of the body, or mediapipe75 of the body, the left and the right hand.
-PointLayout mediapipe_layout(bool with_hands);
+/// Which points of a person are read.
+enum class PersonPoints { body, body_hands, body_face_hands };
+
+/// MediaPipe's points: mediapipe33 of the body, mediapipe75 of the body, the left and the right hand, or mediapipe543
+/// of the body, the face and both hands.
+PointLayout mediapipe_layout(PersonPoints points);
 /// The landmarks of a pose as a person of the layout mediapipe33.
 Person person_of_pose(const BodyPose& pose);
 /// The same with the points of both hands: a person of the layout mediapipe75. Points of a hand that is not found have
 /// the confidence 0, the others hand_confidence.
 Person person_of_pose(const BodyPose& pose, const HandPair& hands);
+/// The same with the points of the face: a person of the layout mediapipe543. Points of a face that is not found have
+/// the confidence 0, the others face_confidence.
+Person person_of_pose(const BodyPose& pose, const std::optional<FacePose>& face, const HandPair& hands);
 
 /// Follows one person through the images of a camera and writes the files when all frames are done.
 /// @param guide where the person is, as far as it is known

@@ -40,7 +40,7 @@ struct DetectArguments {
   std::string source, model, network, config, layout;  ///< model empty: chosen by the number of cameras
   fs::path out;
   std::vector<std::string> person;  ///< words of --person
-  bool masks = false, raw_masks = false, keep_keypoints = false;
+  bool face = false, masks = false, raw_masks = false, keep_keypoints = false;
   std::optional<bool> mirror, hands;  ///< nothing: as the model was chosen
 
   bool has_network() const { return !network.empty() || !config.empty(); }
@@ -50,6 +50,12 @@ struct DetectArguments {
 bool several_cameras(const std::vector<DetectSource>& sources) {
   return std::any_of(sources.begin(), sources.end(),
                      [&](const DetectSource& source) { return source.camera != sources[0].camera; });
+}
+
+/// @param accurate whether accuracy counts more than time
+PersonPoints chosen_points(const DetectArguments& arguments, bool accurate) {
+  if (arguments.face) return PersonPoints::body_face_hands;
+  return arguments.hands.value_or(accurate) ? PersonPoints::body_hands : PersonPoints::body;
 }
 
 /// Searches the images of one camera.
@@ -64,10 +70,11 @@ CameraWorker worker_of(const DetectNetwork& chosen) {
   };
 }
 
-/// @param hands whether they are read @param sharpen whether masks become sharp
-CameraWorker worker_of(const BodyDetectorOptions& options, bool hands, bool sharpen) {
-  const auto detectors = std::make_shared<PersonDetectors>(PersonDetectors{BodyDetector(options), {}});
-  if (hands) detectors->hands.emplace(options.threads);
+/// @param sharpen whether masks become sharp
+CameraWorker worker_of(const BodyDetectorOptions& options, PersonPoints points, bool sharpen) {
+  const auto detectors = std::make_shared<PersonDetectors>(PersonDetectors{BodyDetector(options), {}, {}});
+  if (points != PersonPoints::body) detectors->hands.emplace(options.threads);
+  if (points == PersonPoints::body_face_hands) detectors->face.emplace(options.threads);
   return [=](const DetectSource& source, const DetectFiles& files, const PersonGuide& guide,
              const std::function<bool()>& advance) {
     return detect_camera(source, files, *detectors, guide, sharpen, advance);
@@ -126,13 +133,13 @@ class DetectJob {
                 .masks = arguments.masks,
                 .mirror = arguments.mirror.value_or(accurate),
                 .models = {}};
-    hands_ = !network_ && arguments.hands.value_or(accurate);
+    if (!network_) points_ = chosen_points(arguments, accurate);
     choose_person(several);
     sharpen_ = arguments.masks && !arguments.raw_masks && !network_;
     // A shard has not the masks of all cameras.
     compare_ = sharpen_ && shard_.count == 1;
     for (int i = 0; i < crew_.count() && !merging_; ++i)
-      workers_.push_back(network_ ? worker_of(*network_) : worker_of(options_, hands_, sharpen_));
+      workers_.push_back(network_ ? worker_of(*network_) : worker_of(options_, points_, sharpen_));
   }
 
   /// @return whether all cameras are done; otherwise the user has stopped the job
@@ -177,8 +184,9 @@ class DetectJob {
     if (network_)
       json = {{"layout", network_->layout.name}, {"network", network_->options.network.model.string()}};
     else
-      json = {{"layout", mediapipe_layout(hands_).name}, {"model", arguments_.model}, {"package", kModelPackage.name}};
-    if (hands_) json["hand_package"] = kHandPackage.name;
+      json = {{"layout", mediapipe_layout(points_).name}, {"model", arguments_.model}, {"package", kModelPackage.name}};
+    if (points_ != PersonPoints::body) json["hand_package"] = kHandPackage.name;
+    if (points_ == PersonPoints::body_face_hands) json["face_package"] = kFacePackage.name;
     json["cameras"] = Json::array();
     for (std::size_t i = 0; i < sources_.size(); ++i) {
       if (!reports_[i]) continue;
@@ -303,8 +311,8 @@ class DetectJob {
   bool merging_;
   std::vector<DetectSource> sources_;
   Workers crew_;
-  int sequences_ = 0;     ///< sources of another sequence than the first
-  bool hands_ = false;    ///< whether hands are read
+  int sequences_ = 0;  ///< sources of another sequence than the first
+  PersonPoints points_ = PersonPoints::body;
   bool sharpen_ = false;  ///< whether masks become sharp
   bool compare_ = false;  ///< whether they are compared between the cameras
   PersonWish wish_;
@@ -332,10 +340,15 @@ void print_table(const Json& report) {
 /// The files of all cameras, and for a capture its description with these files. @return nothing: stopped
 std::optional<Json> detect(const DetectArguments& arguments, const CommonOptions& common) {
   if (!arguments.has_network() && !arguments.layout.empty())
-    fail<UsageError>("--layout belongs to --network; BlazePose has the layout mediapipe33, with --hands mediapipe75");
-  if (arguments.has_network() && arguments.hands.value_or(false))
     fail<UsageError>(
-        "--hands belongs to BlazePose, and --network takes its place; a network of your own may find hands");
+        "--layout belongs to --network; BlazePose has the layout mediapipe33, with --hands mediapipe75, with --face "
+        "mediapipe543");
+  if (arguments.has_network() && (arguments.hands.value_or(false) || arguments.face))
+    fail<UsageError>(
+        "--hands and --face belong to BlazePose, and --network takes its place; a network of your own may find hands "
+        "and faces");
+  if (arguments.face && !arguments.hands.value_or(true))
+    fail<UsageError>("--face with --no-hands: no layout has a face without hands; leave out --no-hands");
   check_detect_out(arguments.source, arguments.out);
   begin_work(common, arguments.out, [&] { return detect_inputs(arguments.source); });
   const FolderLock lock(arguments.out);
@@ -403,6 +416,7 @@ Command add_detect(CLI::App& program) {
   app->add_flag_function(
       "--hands,!--no-hands", [arguments](std::int64_t count) { arguments->hands = count > 0; },
       "Also find 21 points of each hand (default: for a capture of several cameras without --model)");
+  app->add_flag("--face,!--no-face", arguments->face, "Also find hands and 468 points of the face (default: no)");
   app->add_flag("--masks", arguments->masks, "Also write masks: 255 on the person, 0 elsewhere");
   app->add_flag("--raw-masks", arguments->raw_masks, "With --masks: the network's probability of the person times 255");
   app->add_flag("--keep-keypoints", arguments->keep_keypoints,

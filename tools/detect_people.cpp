@@ -62,7 +62,7 @@ People people_in(const cv::Mat& image, BodyDetector& detector) {
 SeenPeople seen_together(const PeopleSearch& search, std::span<const DetectSource> sources,
                          const std::vector<CameraPeople>& seen) {
   SeenPeople together;
-  together.layout = mediapipe_layout(false);
+  together.layout = mediapipe_layout(PersonPoints::body);
   together.step = search.step;
   together.people.resize(search.rows.size());
   for (std::size_t c = 0; c < seen.size(); ++c) {

@@ -108,7 +108,7 @@ std::vector<FuzzTarget> network_targets() {
   return {
       {"tflite",
        read_tflite_bytes,
-       {support::mixed_network()},
+       {support::mixed_network(), support::mean_and_product_network()},
        {"TFL3", std::string("\0\0\0\0", 4), "\xff\xff\xff\x7f", "\x01\x01\x01\x01"}},
       {"onnx",
        edit_onnx_bytes,

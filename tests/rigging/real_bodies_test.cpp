@@ -100,6 +100,10 @@ TEST_P(RealBodies, HaveMarkersAndLabelsWhereTheyBelong) {
   EXPECT_GT(position["left_ear"].x(), position["left_eye"].x());
   EXPECT_LT(position["left_ear"].z(), position["nose"].z());
   EXPECT_LT(position["face-8"].y(), position["left_mouth"].y());
+  EXPECT_LT((position["face_mesh_4"] - position["nose"]).norm(), 0.05 * trunk) << "the tip of the nose";
+  EXPECT_GT(position["face_mesh_10"].y(), position["left_eye"].y()) << "the forehead";
+  EXPECT_GT(position["face_mesh_356"].x(), position["face_mesh_263"].x()) << "temple and corner of the left eye";
+  EXPECT_LT(position["face_mesh_33"].x(), position["face_mesh_133"].x()) << "the corners of the right eye";
   for (const std::string side : {"left_", "right_"}) {
     EXPECT_GT(position[side + "big_toe"].z(), position[side + "ankle"].z() + 0.1 * trunk) << side;
     EXPECT_LT(position[side + "heel"].z(), position[side + "ankle"].z() + 0.05 * trunk) << side;

@@ -16,6 +16,7 @@ const std::map<std::string, NetworkOp>& network_operators() {
                                                              {"MAX_POOL_2D", NetworkOp::max_pool_2d},
                                                              {"MEAN", NetworkOp::mean},
                                                              {"PAD", NetworkOp::pad},
+                                                             {"PRELU", NetworkOp::prelu},
                                                              {"RESHAPE", NetworkOp::reshape},
                                                              {"RESIZE_BILINEAR", NetworkOp::resize_bilinear}};
   return operators;

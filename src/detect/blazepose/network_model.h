@@ -28,6 +28,7 @@ enum class NetworkOp {
   max_pool_2d,
   mean,
   pad,
+  prelu,
   reshape,
   resize_bilinear
 };
@@ -63,6 +64,7 @@ struct NetworkOperator {
 /// - conv_2d: weights [outputs, height, width, inputs], bias [outputs].
 /// - depthwise_conv_2d: weights [1, height, width, channels], bias [channels]; one filter for each channel.
 /// - fully_connected: values [n, inputs], weights [outputs, inputs], bias [outputs].
+/// - prelu: the values, and factors [1, 1, channels] by which negative values are multiplied.
 /// - mean: over the rows and columns of an image, [n, channels] or [n, 1, 1, channels].
 /// - resize_bilinear: pixel centres are at +0.5, and pixels beyond the border repeat it.
 /// - depth_to_space: the channels of a pixel are (row in the block, column in the block, output channel).

@@ -113,6 +113,8 @@ class ShapeCheck {
         return shape_of_mean(step);
       case NetworkOp::pad:
         return shape_of_padding(step);
+      case NetworkOp::prelu:
+        return shape_of_prelu(step);
       case NetworkOp::resize_bilinear:
         return shape_of_resize(step);
       case NetworkOp::reshape:
@@ -157,12 +159,14 @@ class ShapeCheck {
     return {image[0], rows, columns, channels};
   }
 
+  void require_constant(int tensor) const {
+    if (model_.tensors[tensor].values == nullptr) fail_here("its input {} is no constant", name(tensor));
+  }
+
   /// Of an operator with weights.
   void require_weights(const NetworkOperator& step) const {
     require_inputs(step, 3);
-    for (const int constant : {step.inputs[1], step.inputs[2]}) {
-      if (model_.tensors[constant].values == nullptr) fail_here("its input {} is no constant", name(constant));
-    }
+    for (const int constant : {step.inputs[1], step.inputs[2]}) require_constant(constant);
   }
 
   TensorShape shape_of_product(const NetworkOperator& step) const {
@@ -217,6 +221,16 @@ class ShapeCheck {
   TensorShape shape_of_padding(const NetworkOperator& step) const {
     require_inputs(step, 1);
     return padded_shape(step);
+  }
+
+  TensorShape shape_of_prelu(const NetworkOperator& step) const {
+    require_inputs(step, 2);
+    const TensorShape& image = image_shape(step);
+    require_constant(step.inputs[1]);
+    if (shape_of(step.inputs[1]) != TensorShape{1, 1, image[3]})
+      fail_here("its factors are {}, expected 1x1x{}, one for each channel", to_string(shape_of(step.inputs[1])),
+                image[3]);
+    return image;
   }
 
   /// The shape of the first input with the zeros of the operator around it.

@@ -165,6 +165,8 @@ class StepPlanner {
         return clamped(max_pool(step), step);
       case NetworkOp::pad:
         return padded(step);
+      case NetworkOp::prelu:
+        return prelu(step);
       case NetworkOp::reshape:
         return view(in_order_of_file(step.inputs[0]), in_order(shape_of(step.output)));
       case NetworkOp::resize_bilinear:
@@ -208,6 +210,24 @@ class StepPlanner {
 
   Value clamped(const Value& value, const NetworkOperator& step) {
     return clamps(step) ? elementwise(value, dnnl::algorithm::eltwise_clip, step.least, step.most) : value;
+  }
+
+  Value prelu(const NetworkOperator& step) {
+    const Value from = value_of(step.inputs[0]);
+    const Desc layout = from.memory.get_desc();
+    const TensorShape factors{1, 1, 1, shape_of(step.inputs[0])[3]};
+    const Desc any(logical(factors), kFloat, kAnyLayout);
+#if DNNL_VERSION_MAJOR < 3
+    const auto described = describe<dnnl::prelu_forward>(plan_.engine, {}, kInference, layout, any);
+#else
+    const auto described = describe<dnnl::prelu_forward>(plan_.engine, {}, kInference, layout, any, layout);
+#endif
+    const Value to = result(layout);
+    const dnnl::memory constants = constant(step.inputs[1], in_order(factors));
+    add(dnnl::prelu_forward(described), {{DNNL_ARG_SRC, from},
+                                         {DNNL_ARG_WEIGHTS, {packed(constants, described.weights_desc()), {}}},
+                                         {DNNL_ARG_DST, to}});
+    return to;
   }
 
   Value sum(const NetworkOperator& step) {

@@ -56,8 +56,9 @@ std::string operator_name(const tflite::OperatorCode& code) {
 /// Reads one file; messages name the tensor or the operator.
 class TfliteReader {
  public:
-  explicit TfliteReader(const std::filesystem::path& path) : where_{path.string(), 0} {
+  TfliteReader(const std::filesystem::path& path, const std::optional<FilePart>& part) : where_{path.string(), 0} {
     bytes_ = read_file(path, kTfliteMaxBytes);
+    if (part) cut_out(*part);
     const auto* data = reinterpret_cast<const std::uint8_t*>(bytes_.data());
     flatbuffers::Verifier verifier(data, bytes_.size(), 32, 100000);
     if (bytes_.size() < 8 || !tflite::ModelBufferHasIdentifier(data) || !tflite::VerifyModelBuffer(verifier))
@@ -82,6 +83,13 @@ class TfliteReader {
   }
 
  private:
+  void cut_out(const FilePart& part) {
+    if (part.offset > bytes_.size() || part.size > bytes_.size() - part.offset)
+      fail_read("the network should have {} bytes from byte {}, but the file has {} bytes", part.size, part.offset,
+                bytes_.size());
+    bytes_ = bytes_.substr(part.offset, part.size);
+  }
+
   template <typename... Args>
   [[noreturn]] void fail_read(fmt::format_string<Args...> format, Args&&... args) const {
     fail_at(where_, "reading a network: {}", fmt::format(format, std::forward<Args>(args)...));
@@ -219,8 +227,8 @@ class TfliteReader {
     if (known == network_operators().end())
       fail_read(
           "{}: this operator is not known; known are ADD, CONCATENATION, CONV_2D, DENSIFY, DEPTHWISE_CONV_2D, "
-          "DEPTH_TO_SPACE, DEQUANTIZE, FULLY_CONNECTED, LOGISTIC, MAX_POOL_2D, MEAN, PAD, RESHAPE and "
-          "RESIZE_BILINEAR",
+          "DEPTH_TO_SPACE, DEQUANTIZE, FULLY_CONNECTED, LOGISTIC, MAX_POOL_2D, MEAN, PAD, PRELU, RESHAPE "
+          "and RESIZE_BILINEAR",
           what);
     result.op = known->second;
     read_options(stored, result, what);
@@ -272,6 +280,7 @@ class TfliteReader {
         return check_resize(stored.options_as_ResizeBilinearOptions(), what);
       case NetworkOp::pad:
         return read_padding(step, what);
+      case NetworkOp::prelu:
       case NetworkOp::reshape:
       case NetworkOp::logistic:
         return;
@@ -373,6 +382,8 @@ class TfliteReader {
 
 }  // namespace
 
-NetworkModel read_tflite(const std::filesystem::path& path) { return TfliteReader(path).read(); }
+NetworkModel read_tflite(const std::filesystem::path& path, const std::optional<FilePart>& part) {
+  return TfliteReader(path, part).read();
+}
 
 }  // namespace doppel

@@ -1,6 +1,7 @@
 #include "doppel/detect/keypoints/keypoint_map.h"
 
 #include <algorithm>
+#include <regex>
 #include <set>
 
 #include "doppel/core/as_size.h"
@@ -12,8 +13,36 @@ namespace doppel {
 
 namespace {
 
+constexpr std::size_t kMaxPoints = 10000;  ///< of a layout
+constexpr std::size_t kMaxListed = 150;    ///< names in a message
+
+/// The names in a message.
+std::string listed(const std::vector<std::string>& names) {
+  const std::size_t shown = std::min(names.size(), kMaxListed);
+  const std::string text = fmt::format("{}", fmt::join(names.begin(), names.begin() + static_cast<long>(shown), ", "));
+  return shown == names.size() ? text : fmt::format("{} and {} more", text, names.size() - shown);
+}
+
+/// "face_{0..2}" stands for face_0, face_1 and face_2; a name without such a range stands for itself.
+std::vector<std::string> names_of_range(const ConfigReader& root, const std::string& text) {
+  static const std::regex range(R"((.*)\{(\d{1,9})\.\.(\d{1,9})\}(.*))");
+  std::smatch parts;
+  if (text.size() > 200 || !std::regex_match(text, parts, range)) return {text};
+  const int first = std::stoi(parts[2]), last = std::stoi(parts[3]);
+  if (first > last || as_size(last) >= kMaxPoints)
+    root.fail_at_key("points", "the range '{}' must ascend, to at most {}", text, kMaxPoints - 1);
+  std::vector<std::string> names;
+  for (int i = first; i <= last; ++i) names.push_back(fmt::format("{}{}{}", parts[1].str(), i, parts[4].str()));
+  return names;
+}
+
 PointLayout read_points(const ConfigReader& root) {
-  PointLayout layout{"points", root.list<std::string>("points")};
+  PointLayout layout{"points", {}};
+  for (const std::string& text : root.list<std::string>("points"))
+    for (std::string& name : names_of_range(root, text)) {
+      if (layout.points.size() == kMaxPoints) root.fail_at_key("points", "are more than {}", kMaxPoints);
+      layout.points.push_back(std::move(name));
+    }
   const std::set<std::string> unique(layout.points.begin(), layout.points.end());
   if (layout.points.empty() || unique.size() != layout.points.size() || unique.count("") > 0)
     root.fail_at_key("points", "must be a list of names, each of them once");
@@ -35,7 +64,7 @@ int find_point(const ConfigReader& section, const std::string& landmark, const P
   const std::optional<int> found = layout.find(name);
   if (!found)
     section.fail_at_key(landmark, "the detector has no point '{}'; '{}' has {}", name, layout.name,
-                        fmt::join(layout.points, ", "));
+                        listed(layout.points));
   return *found;
 }
 
@@ -57,9 +86,17 @@ void read_landmarks_of_map(const ConfigReader& root, KeypointMap& map) {
   for (const std::string& landmark : root.list<std::string>("absent")) add(root, "absent", {landmark, {}});
 }
 
+std::set<std::string> landmark_keys(const KeypointMap& map) {
+  std::set<std::string> keys;
+  for (const KeypointMap::Entry& entry : map.entries) keys.insert(landmark_key(entry.landmark));
+  return keys;
+}
+
 void add_every_point(KeypointMap& map) {
+  std::set<std::string> keys = landmark_keys(map);
   for (std::size_t i = 0; i < map.layout.points.size(); ++i)
-    if (!map.find(map.layout.points[i])) map.entries.push_back({map.layout.points[i], {static_cast<int>(i)}});
+    if (keys.insert(landmark_key(map.layout.points[i])).second)
+      map.entries.push_back({map.layout.points[i], {static_cast<int>(i)}});
 }
 
 KeypointMap read_map(const ConfigDocument& document) {
@@ -126,9 +163,10 @@ KeypointMap map_of_names(const std::vector<Marker>& landmarks) {
 }
 
 std::vector<Marker> known_markers(const Skeleton& skeleton, const KeypointMap& map) {
+  const std::set<std::string> keys = landmark_keys(map);
   std::vector<Marker> markers;
   for (const Marker& marker : skeleton.markers)
-    if (map.find(marker.name)) markers.push_back(marker);
+    if (keys.contains(landmark_key(marker.name))) markers.push_back(marker);
   return markers;
 }
 
@@ -141,7 +179,7 @@ LandmarkPicker::LandmarkPicker(const KeypointMap& map, const std::vector<Marker>
       fail(
           "the keypoint map of '{}' does not contain the landmark '{}'; it contains {}. List it under `absent` of a "
           "map of your own if the detector does not find it",
-          map.layout.name, landmark.name, fmt::join(known, ", "));
+          map.layout.name, landmark.name, listed(known));
     }
     points_.push_back(entry->points);
   }

@@ -24,7 +24,8 @@ struct KeypointMap {
 
 /// Reads a map: one that is built in (configs/keypoints/*.yaml), or a YAML file:
 ///
-///     layout: coco17            # of a built-in map; or `points: [nose, ...]`, the detector's own points in its order
+///     layout: coco17            # of a built-in map; or `points: [nose, ...]`, the detector's own points in its order;
+///                               # "face_{0..2}" stands for face_0, face_1, face_2
 ///     every_point: true         # each point is also a landmark of its own name; default false
 ///     landmarks:                # landmark: point, or the points whose mean it is
 ///       nose: nose

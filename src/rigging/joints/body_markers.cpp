@@ -72,6 +72,7 @@ void add_head_markers(MarkerBuilder& b) {
   }
   const std::vector<Vector3d> face = face_points();
   for (std::size_t i = 0; i < face.size(); ++i) add("face-" + std::to_string(i), face[i]);
+  for (const NamedFacePoint& point : face_mesh_points()) add(point.name, point.local);
 }
 
 void add_trunk_markers(MarkerBuilder& b) {

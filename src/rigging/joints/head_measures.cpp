@@ -4,6 +4,9 @@
 #include <array>
 #include <cmath>
 
+#include "doppel/detect/face/face_landmarks.h"
+#include "doppel/detect/face/face_pose.h"
+
 namespace doppel {
 namespace {
 
@@ -135,6 +138,18 @@ std::vector<Vector3d> face_points() {
                                                                   {0, -0.182},
                                                                   {-0.04, -0.18}}})
     add(x, y);
+  return points;
+}
+
+std::vector<NamedFacePoint> face_mesh_points() {
+  constexpr double kHeadHeight = 22.0;  // of the mean face, centimetres
+  const auto position = [](const FaceLandmark& landmark) -> Vector3d {
+    return Vector3d::Map(landmark.position.data());
+  };
+  const auto tip = std::ranges::find(kFaceLandmarks, kFaceTip, &FaceLandmark::point);
+  std::vector<NamedFacePoint> points;
+  for (const FaceLandmark& landmark : kFaceLandmarks)
+    points.push_back({face_point_name(landmark.point), (position(landmark) - position(*tip)) / kHeadHeight});
   return points;
 }
 

@@ -31,6 +31,14 @@ HeadMeasures measure_head(const TriangleMesh& mesh, const BodyJoints& joints);
 /// of the nose. Depths are rough, the surface decides.
 std::vector<Eigen::Vector3d> face_points();
 
+/// A point of a face and its position, in head heights from the tip of the nose.
+struct NamedFacePoint {
+  std::string name;
+  Eigen::Vector3d local = Eigen::Vector3d::Zero();
+};
+/// The points of MediaPipe's face mesh that fits use (detect/face/face_landmarks.h).
+std::vector<NamedFacePoint> face_mesh_points();
+
 /// The farthest point of the surface on a ray, at most `farthest` away.
 std::optional<Eigen::Vector3d> last_hit(const TriangleMesh& mesh, const Eigen::Vector3d& from,
                                         const Eigen::Vector3d& direction, double farthest);

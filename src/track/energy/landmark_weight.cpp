@@ -4,6 +4,7 @@
 #include <array>
 #include <string_view>
 
+#include "doppel/detect/face/face_pose.h"
 #include "doppel/detect/hands/hand_pose.h"
 
 namespace doppel {
@@ -22,14 +23,21 @@ std::string hand_of(const std::string& landmark) {
   return {};
 }
 
+/// What the points of one hand, or those of the face, count together.
+constexpr double kWeightOfHand = 3.0, kWeightOfFace = 3.0;
+
 }  // namespace
 
 std::vector<double> landmark_fit_weights(const std::vector<std::string>& landmarks) {
+  const auto face_points = static_cast<double>(std::ranges::count_if(landmarks, is_face_point));
   std::vector<double> weights;
   for (const std::string& name : landmarks) {
     const std::string hand = hand_of(name);
     const bool is_doubled = !hand.empty() && std::ranges::find(landmarks, hand) != landmarks.end();
-    weights.push_back(is_doubled ? 0.0 : is_hand_point(name) ? 3.0 / kNumHandPoints : 1.0);
+    weights.push_back(is_doubled            ? 0.0
+                      : is_hand_point(name) ? kWeightOfHand / kNumHandPoints
+                      : is_face_point(name) ? kWeightOfFace / face_points
+                                            : 1.0);
   }
   return weights;
 }

@@ -110,6 +110,7 @@ TEST(MeanPose, IsTheMeanOfThePoints) {
 
 TEST(LandmarkConfidence, AFaceBehindTheHeadIsAGuess) {
   BodyPose pose;
+  pose.world.fill(Vector3d::Zero());
   for (BodyLandmark& landmark : pose.landmarks) landmark.visibility = 0.9;
   pose.world[0].z() = -0.1;  // in front of the ears
   for (std::size_t i = 0; i < pose.landmarks.size(); ++i) EXPECT_NEAR(landmark_confidence(pose, i), 0.9, 1e-12);

@@ -186,6 +186,40 @@ TEST(Network, AddClampsItsSum) {
   for (std::size_t i = 0; i < 60; ++i) EXPECT_FLOAT_EQ(found[i], std::max(0.0f, image.values[i] + other[i]));
 }
 
+TEST(Network, PreluMultipliesNegativeValuesByTheFactorOfTheirChannel) {
+  const int channels = 19;
+  const Image image(3, 4, channels, 18);
+  const Values factors = random_values(std::size_t(channels), 19);
+  const Image expected(3, 4, channels, [&](int y, int x, int c) {
+    const float value = image.at(y, x, c);
+    return value < 0 ? factors[std::size_t(c)] * value : value;
+  });
+  SmallModel model;
+  const int in = model.tensor(image.shape()), out = model.tensor(image.shape());
+  model.step(Op::PRELU, {in, model.constant({1, 1, channels}, factors)}, out);
+  EXPECT_THAT(run_network(model.file({in}, {out}), image.values), Pointwise(FloatNear(1e-6f), expected.values));
+}
+
+TEST(Network, PreluFollowsAConvolutionInItsLayout) {
+  const int channels = 32;
+  const Image image(6, 5, channels, 20);
+  const Values factors = random_values(std::size_t(channels), 21), weights = random_values(std::size_t(channels), 22);
+  const Image expected(6, 5, channels, [&](int y, int x, int c) {
+    const float value = weights[std::size_t(c)] * image.at(y, x, c);
+    return value < 0 ? factors[std::size_t(c)] * value : value;
+  });
+  SmallModel model;
+  tflite::DepthwiseConv2DOptionsT conv;
+  conv.stride_w = conv.stride_h = conv.depth_multiplier = 1;
+  const int in = model.tensor(image.shape()), scaled = model.tensor(image.shape()), out = model.tensor(image.shape());
+  model.step(Op::DEPTHWISE_CONV_2D,
+             {in, model.constant({1, 1, 1, channels}, weights),
+              model.constant({channels}, Values(std::size_t(channels), 0.0f))},
+             scaled, conv);
+  model.step(Op::PRELU, {scaled, model.constant({1, 1, channels}, factors)}, out);
+  EXPECT_THAT(run_network(model.file({in}, {out}), image.values), Pointwise(FloatNear(1e-6f), expected.values));
+}
+
 TEST(Network, FullyConnectedIsTheClampedProductWithItsWeights) {
   const int inputs = 19, outputs = 7;
   const Values x = random_values(inputs, 14), weights = random_values(std::size_t(inputs) * outputs, 15),

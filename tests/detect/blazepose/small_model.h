@@ -130,14 +130,15 @@ inline std::string mixed_network() {
   return model.file({in}, {out});
 }
 
-/// The mean over rows and columns of a sum of images, and a product with weights.
+/// The mean over rows and columns of a sum of images with other negative values, and a product with weights.
 inline std::string mean_and_product_network() {
   using Op = tflite::BuiltinOperator;
   SmallModel model;
-  const int in = model.tensor({1, 2, 2, 2}), sum = model.tensor({1, 2, 2, 2}), mean = model.tensor({1, 2}),
-            out = model.tensor({1, 3});
+  const int in = model.tensor({1, 2, 2, 2}), sum = model.tensor({1, 2, 2, 2}), bent = model.tensor({1, 2, 2, 2}),
+            mean = model.tensor({1, 2}), out = model.tensor({1, 3});
   model.step(Op::ADD, {in, model.constant({1, 2, 2, 2}, std::vector<float>(8, 1.0f))}, sum, tflite::AddOptionsT());
-  model.step(Op::MEAN, {sum, model.integers({2}, {1, 2})}, mean);
+  model.step(Op::PRELU, {sum, model.constant({1, 1, 2}, {0.5f, 0.25f})}, bent);
+  model.step(Op::MEAN, {bent, model.integers({2}, {1, 2})}, mean);
   model.step(Op::FULLY_CONNECTED, {mean, model.constant({3, 2}, {1, 2, 3, 4, 5, 6}), model.constant({3}, {0, 1, 2})},
              out, tflite::FullyConnectedOptionsT());
   return model.file({in}, {out});

@@ -1,5 +1,6 @@
 #include "doppel/detect/blazepose/tflite_model.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -169,6 +170,28 @@ TEST_F(TfliteFile, RefusesProductsThatDoNotFit) {
   options.weights_format = 1;
   model.graph().operators[0]->options.Set(std::move(options));
   EXPECT_THAT(complaint(model.file({in}, {out})), HasSubstr("needs options, and weights in rows"));
+}
+
+TEST_F(TfliteFile, MayBeAPartOfALargerFile) {
+  const std::string network = mixed_network();
+  support::write_bytes(path_, "before" + network + "behind");
+  const NetworkModel part = read_tflite(path_, FilePart{6, network.size()});
+  EXPECT_EQ(part.operators.size(), read(network).operators.size());
+  support::write_bytes(path_, "before" + network);
+  for (const FilePart& beyond : {FilePart{6, network.size() + 1}, FilePart{network.size() + 7, 0}, FilePart{7, ~0ull}})
+    EXPECT_THAT(support::message_of<FileError>([&] { read_tflite(path_, beyond); }),
+                HasSubstr(fmt::format("{} bytes from byte {}, but the file has {}", beyond.size, beyond.offset,
+                                      network.size() + 6)));
+}
+
+TEST_F(TfliteFile, RefusesFactorsThatDoNotFit) {
+  SmallModel model;
+  const int in = model.tensor({1, 2, 2, 3}), out = model.tensor({1, 2, 2, 3}),
+            factors = model.constant({1, 1, 2}, {1, 2});
+  model.step(Op::PRELU, {in, factors}, out);
+  EXPECT_THAT(complaint(model.file({in}, {out})), HasSubstr("its factors are 1x1x2, expected 1x1x3"));
+  model.graph().operators[0]->inputs = {in, in};
+  EXPECT_THAT(complaint(model.file({in}, {out})), HasSubstr("is no constant"));
 }
 
 TEST_F(TfliteFile, RefusesDilations) {

@@ -33,12 +33,14 @@ Person numbered(int count) {
 }
 
 const std::map<std::string, std::size_t> kNumberOfPoints{
-    {"body25", 25},        {"body25b", 25},     {"coco17", 17},      {"coco18", 18}, {"halpe26", 26}, {"halpe136", 136},
-    {"wholebody133", 133}, {"mediapipe33", 33}, {"mediapipe75", 75}, {"h36m17", 17}, {"mhr70", 70}};
+    {"body25", 25},      {"body25b", 25},       {"coco17", 17},        {"coco18", 18},
+    {"halpe26", 26},     {"halpe136", 136},     {"wholebody133", 133}, {"mediapipe33", 33},
+    {"mediapipe75", 75}, {"mediapipe543", 543}, {"h36m17", 17},        {"mhr70", 70}};
 
 TEST(KeypointMaps, BuiltInOnesHaveTheirNumbersOfPoints) {
-  EXPECT_THAT(builtin_keypoint_maps(), ElementsAre("body25", "body25b", "coco17", "coco18", "halpe26", "halpe136",
-                                                   "wholebody133", "mediapipe33", "mediapipe75", "h36m17", "mhr70"));
+  EXPECT_THAT(builtin_keypoint_maps(),
+              ElementsAre("body25", "body25b", "coco17", "coco18", "halpe26", "halpe136", "wholebody133", "mediapipe33",
+                          "mediapipe75", "mediapipe543", "h36m17", "mhr70"));
   for (const auto& [name, count] : kNumberOfPoints) {
     const KeypointMap map = read_keypoint_map(name);
     EXPECT_EQ(map.layout.name, name);
@@ -63,13 +65,15 @@ TEST(KeypointMaps, BuiltInOnesPutLandmarksInTheirPositions) {
   const auto indices = [](const char* map, const char* landmark) {
     return read_keypoint_map(map).find(landmark)->points;
   };
-  const std::map<std::string, int> right_wrist{
-      {"body25", 4},        {"body25b", 10},     {"coco17", 10},      {"coco18", 4},  {"halpe26", 10}, {"halpe136", 10},
-      {"wholebody133", 10}, {"mediapipe33", 16}, {"mediapipe75", 16}, {"h36m17", 16}, {"mhr70", 41}};
+  const std::map<std::string, int> right_wrist{{"body25", 4},        {"body25b", 10},     {"coco17", 10},
+                                               {"coco18", 4},        {"halpe26", 10},     {"halpe136", 10},
+                                               {"wholebody133", 10}, {"mediapipe33", 16}, {"mediapipe75", 16},
+                                               {"mediapipe543", 16}, {"h36m17", 16},      {"mhr70", 41}};
   for (const auto& [map, index] : right_wrist) EXPECT_THAT(indices(map.c_str(), "RWrist"), ElementsAre(index)) << map;
-  const std::map<std::string, int> left_ankle{
-      {"body25", 14},       {"body25b", 15},     {"coco17", 15},      {"coco18", 13}, {"halpe26", 15}, {"halpe136", 15},
-      {"wholebody133", 15}, {"mediapipe33", 27}, {"mediapipe75", 27}, {"h36m17", 6},  {"mhr70", 13}};
+  const std::map<std::string, int> left_ankle{{"body25", 14},       {"body25b", 15},     {"coco17", 15},
+                                              {"coco18", 13},       {"halpe26", 15},     {"halpe136", 15},
+                                              {"wholebody133", 15}, {"mediapipe33", 27}, {"mediapipe75", 27},
+                                              {"mediapipe543", 27}, {"h36m17", 6},       {"mhr70", 13}};
   for (const auto& [map, index] : left_ankle) EXPECT_THAT(indices(map.c_str(), "LAnkle"), ElementsAre(index)) << map;
   EXPECT_THAT(indices("halpe26", "MidHip"), ElementsAre(19));
   EXPECT_THAT(indices("h36m17", "MidHip"), ElementsAre(0));
@@ -81,6 +85,8 @@ TEST(KeypointMaps, BuiltInOnesPutLandmarksInTheirPositions) {
   EXPECT_THAT(indices("mhr70", "right_thumb1"), ElementsAre(24)) << "the third joint from the tip";
   EXPECT_THAT(indices("wholebody133", "right_thumb4"), ElementsAre(116));
   EXPECT_THAT(indices("mediapipe75", "right_thumb4"), ElementsAre(58));
+  EXPECT_THAT(indices("mediapipe543", "right_thumb4"), ElementsAre(526));
+  EXPECT_THAT(indices("mediapipe543", "face_mesh_4"), ElementsAre(37));
   EXPECT_THAT(indices("coco17", "RHeel"), ElementsAre());
   EXPECT_THAT(indices("body25b", "HeadTop"), ElementsAre(18));
 }
@@ -158,6 +164,23 @@ TEST_F(KeypointMapFile, MayMakeEveryPointALandmark) {
   EXPECT_THAT(map.find("left_hand")->points, ElementsAre(1));
   EXPECT_THAT(map.find("left_hip")->points, ElementsAre(1)) << "a line under landmarks comes first";
   EXPECT_EQ(map.entries.size(), 3u);
+}
+
+TEST_F(KeypointMapFile, MayNameARangeOfPoints) {
+  const KeypointMap map = read("points: [head, 'face_{0..2}', 'a{9..10}b', '{x}']\nlandmarks: {nose: face_1}\n");
+  EXPECT_THAT(map.layout.points, ElementsAre("head", "face_0", "face_1", "face_2", "a9b", "a10b", "{x}"));
+  EXPECT_THAT(map.find("nose")->points, ElementsAre(2));
+  EXPECT_THAT(refusal("points: ['a{2..1}']\nlandmarks: {nose: a1}\n"),
+              AllOf(HasSubstr("map.yaml:1"), HasSubstr("'a{2..1}' must ascend")));
+  EXPECT_THAT(refusal("points: ['a{0..10000}']\nlandmarks: {nose: a1}\n"), HasSubstr("to at most 9999"));
+  EXPECT_THAT(refusal("points: ['a{0..9999}', 'b{0..9999}']\nlandmarks: {nose: a1}\n"),
+              HasSubstr("are more than 10000"));
+  EXPECT_THAT(refusal("points: ['a{0..1}', a1]\nlandmarks: {nose: a1}\n"), HasSubstr("once"));
+}
+
+TEST_F(KeypointMapFile, MessagesListSomeOfManyPoints) {
+  EXPECT_THAT(refusal("points: ['a{0..467}']\nlandmarks: {nose: b}\n"),
+              AllOf(HasSubstr("a0, a1,"), HasSubstr("a149 and 318 more")));
 }
 
 TEST_F(KeypointMapFile, OfOlderVersionsNamesEachLandmarkTwice) {

@@ -89,6 +89,11 @@ TEST_F(KeypointTermTest, AHandCountsAsThreePoints) {
             std::vector<double>(6, 1.0));
 }
 
+TEST_F(KeypointTermTest, AFaceCountsAsThreePoints) {
+  EXPECT_EQ(landmark_fit_weights({"face_mesh_4", "nose", "face_mesh_33", "face-4", "face_mesh_263", "face_mesh_10"}),
+            (std::vector<double>{0.75, 1.0, 0.75, 1.0, 0.75, 0.75}));
+}
+
 TEST_F(KeypointTermTest, PointsOfAHandReplaceThoseOfTheBody) {
   const std::vector<double> weights = landmark_fit_weights(
       {"left_wrist", "left_thumb", "left_index", "left_pinky", "right_index", "left_hand_root", "left_thumb1"});

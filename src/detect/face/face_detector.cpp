@@ -1,0 +1,64 @@
+#include "doppel/detect/face/face_detector.h"
+
+#include "doppel/core/error.h"
+#include "doppel/detect/blazepose/network.h"
+#include "doppel/detect/blazepose/network_input.h"
+#include "doppel/detect/blazepose/tflite_model.h"
+#include "doppel/detect/face/face_search.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr double kMinFaceScore = 0.5;
+constexpr FilePart kFacePart = {2495952, 1241896};  ///< face_landmark.tflite
+
+/// The outputs of the network in the order of the file.
+enum FaceOutput : std::size_t { kFacePoints, kFacePresence };
+
+const NetworkModel& checked_face_network(const NetworkModel& model) {
+  const std::vector<TensorShape> expected = {
+      {1, kFacePixels, kFacePixels, 3}, {1, 1, 1, 3 * kNumFacePoints}, {1, 1, 1, 1}};
+  std::vector<TensorShape> found;
+  for (const auto* tensors : {&model.inputs, &model.outputs}) {
+    for (const int tensor : *tensors) found.push_back(model.tensors[tensor].shape);
+  }
+  if (found != expected) fail_at({model.source, 0}, "has other inputs or outputs than the network of faces");
+  return model;
+}
+
+}  // namespace
+
+const Package kFacePackage = {"@mediapipe/face_mesh@0.4.1657299874", {kFaceFile}};
+
+struct FaceDetector::Impl {
+  Network network;
+};
+
+FaceDetector::FaceDetector(const NetworkModel& model, int threads)
+    : impl_(std::make_unique<Impl>(Impl{Network(checked_face_network(model), threads)})) {}
+FaceDetector::FaceDetector(int threads, const std::filesystem::path& models)
+    : FaceDetector(
+          read_tflite(find_package_file(kFacePackage, kFaceFile, models.empty() ? models_folder() : models), kFacePart),
+          threads) {}
+FaceDetector::~FaceDetector() = default;
+FaceDetector::FaceDetector(FaceDetector&&) noexcept = default;
+FaceDetector& FaceDetector::operator=(FaceDetector&&) noexcept = default;
+
+std::optional<FacePose> FaceDetector::read_face(const cv::Mat& image, const BodyRoi& roi) {
+  require_image(image);
+  if (!roi.valid()) return std::nullopt;
+  Network& network = impl_->network;
+  sample_roi(image, roi, kFacePixels, network.input());
+  network.run();
+  const FaceOutputs outputs{network.output(kFacePoints), network.output(kFacePresence)[0]};
+  if (!all_finite(outputs.points)) return std::nullopt;
+  const FacePose face = decode_face(outputs, roi);
+  return face.score >= kMinFaceScore ? std::optional(face) : std::nullopt;
+}
+
+std::optional<FacePose> FaceDetector::read_face(const cv::Mat& image, const BodyPose& body) {
+  return find_face([this](const cv::Mat& frame, const BodyRoi& roi) { return read_face(frame, roi); }, image, body);
+}
+
+}  // namespace doppel
