@@ -9,7 +9,7 @@ namespace doppel {
 namespace {
 constexpr double kNearestDepth = 0.05;  // metres
 constexpr int kFinestWindow = 2;        // pixels of a window for each pixel of the image
-}
+}  // namespace
 
 OutlineField::OutlineField(const cv::Mat& mask, int pixels, double margin) {
   const CropBox box = crop_of_mask(mask, margin);

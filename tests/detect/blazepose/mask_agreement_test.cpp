@@ -96,16 +96,12 @@ TEST(MaskAgreement, AMissingPartThatTheOthersSeeIsAdded) {
   const std::vector<cv::Mat> ground_truth = sphere_masks(views);
   std::vector<cv::Mat> masks;
   for (const cv::Mat& mask : ground_truth) masks.push_back(mask.clone());
-  masks[0].rowRange(0, kPixels / 2).setTo(kPossiblePerson);  // half of the sphere, and the background around it
+  const cv::Mat upper_half = ground_truth[0].rowRange(0, kPixels / 2);
+  masks[0].rowRange(0, kPixels / 2).setTo(kPossiblePerson, upper_half);
   const auto [removed, added] = settle_masks(masks, views);
   EXPECT_EQ(removed, 0);
-  EXPECT_GT(added, 0);
-  // The hull of three of the five others is larger than the sphere: 24 pixels of radius here.
-  cv::Mat around;
-  cv::dilate(ground_truth[0], around, cv::Mat::ones(75, 75, CV_8U));
-  EXPECT_EQ(cv::countNonZero(masks[0] & ~around), 0);
-  EXPECT_EQ(cv::countNonZero(ground_truth[0] & ~masks[0]), 0);
-  for (std::size_t i = 1; i < masks.size(); ++i) EXPECT_EQ(cv::countNonZero(masks[i] != ground_truth[i]), 0) << i;
+  EXPECT_EQ(added, cv::countNonZero(upper_half));
+  for (std::size_t i = 0; i < masks.size(); ++i) EXPECT_EQ(cv::countNonZero(masks[i] != ground_truth[i]), 0) << i;
 }
 
 TEST(MaskAgreement, APossiblePartWithoutSupportBecomesBackground) {
