@@ -67,6 +67,7 @@ Network::Network(const NetworkModel& model, int threads) : impl_(std::make_uniqu
 
 Network::~Network() = default;
 Network::Network(Network&&) noexcept = default;
+Network& Network::operator=(Network&&) noexcept = default;
 
 const TensorShape& Network::output_shape(std::size_t index) const { return impl_->output_shapes.at(index); }
 

@@ -19,6 +19,7 @@ class Network {
   Network(const Network&) = delete;
   Network& operator=(const Network&) = delete;
   Network(Network&&) noexcept;
+  Network& operator=(Network&&) noexcept;
 
   const TensorShape& output_shape(std::size_t index) const;
 

@@ -148,6 +148,7 @@ std::vector<NamedFacePoint> face_mesh_points() {
   };
   const auto tip = std::ranges::find(kFaceLandmarks, kFaceTip, &FaceLandmark::point);
   std::vector<NamedFacePoint> points;
+  points.reserve(kFaceLandmarks.size());
   for (const FaceLandmark& landmark : kFaceLandmarks)
     points.push_back({face_point_name(landmark.point), (position(landmark) - position(*tip)) / kHeadHeight});
   return points;
