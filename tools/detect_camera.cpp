@@ -158,7 +158,7 @@ std::optional<DetectReport> detect_camera(const DetectSource& source, const Dete
     if (!files.masks.empty()) {
       cv::Mat mask = pose ? pose->mask : cv::Mat::zeros(image.size(), CV_8U);
       if (sharpen) mask = sharpen_mask(image, mask, background);
-      if (sharpen && files.possible_parts) mark_possible_parts(image, mask, background);
+      if (files.possible_parts) mark_possible_parts(image, mask, background);
       write_image(mask_file(files.masks, frame), mask);
     }
     if (!advance()) return std::nullopt;

@@ -12,7 +12,7 @@
 
 namespace doppel::tools {
 
-/// Where the results of one camera are written.
+/// What is written for one camera, and where.
 struct DetectFiles {
   std::filesystem::path keypoints;  ///< table of points in the images
   std::filesystem::path joints;     ///< table of points in space

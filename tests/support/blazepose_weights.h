@@ -13,11 +13,17 @@ class BlazePoseTest : public SharedFolderTest {
   void SetUp() override {
     SharedFolderTest::SetUp();
     if (IsSkipped()) return;
+    require_weights(kModelPackage, kDetectorFile);
+    for (const PackageFile& file : kLandmarkFiles) require_weights(kModelPackage, file);
+  }
+
+  /// Skips the test where neither the cache nor the network gives a file.
+  static void require_weights(const Package& package, const PackageFile& file) {
+    if (IsSkipped()) return;
     try {
-      find_model(kDetectorFile);
-      for (const PackageFile& file : kLandmarkFiles) find_model(file);
+      find_package_file(package, file);
     } catch (const std::exception& error) {
-      GTEST_SKIP() << "the weights of BlazePose are not here: " << error.what();
+      GTEST_SKIP() << "the weights of " << package.name << " are not here: " << error.what();
     }
   }
 };

@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/detect/blazepose/mask_sharpening.h"
+#include "doppel/detect/blazepose/possible_parts.h"
 #include "doppel/geometry/image_file.h"
 #include "support/temporary_folder.h"
 
@@ -74,6 +75,28 @@ TEST(DetectMasks, ImagesWithoutCalibrationAreNotCompared) {
   const std::vector<std::filesystem::path> folders(3, footage.folder / "masks");
   EXPECT_FALSE(tools::is_compared(sources[0], sources));
   EXPECT_EQ(tools::compare_masks(sources, folders, [] { return true; }).removed, 0);
+}
+
+TEST(DetectMasks, FilesKeepNoPossibleParts) {
+  const Footage footage;
+  tools::DetectSource source = footage.source;
+  source.calibration.emplace();
+  source.calibration->width = source.calibration->height = kSide;
+  source.calibration->K << 100, 0, 80, 0, 100, 80, 0, 0, 1;
+  const std::vector<tools::DetectSource> sources(3, source);
+  std::vector<std::filesystem::path> folders;
+  cv::Mat marked = ground_truth(0);
+  marked(cv::Rect(100, 100, 20, 20)).setTo(kPossiblePerson);
+  for (const char* camera : {"a", "b", "c"}) {
+    folders.push_back(footage.folder / camera);
+    for (int frame = 0; frame < kFrames; ++frame) write_image(tools::mask_file(folders.back(), frame), marked);
+  }
+  EXPECT_TRUE(tools::is_compared(sources[0], sources));
+  EXPECT_EQ(tools::compare_masks(sources, folders, [] { return true; }).added, 0);
+  for (const std::filesystem::path& folder : folders) {
+    const cv::Mat mask = cv::imread(tools::mask_file(folder, 3).string(), cv::IMREAD_GRAYSCALE);
+    EXPECT_EQ(cv::countNonZero(mask != ground_truth(0)), 0);
+  }
 }
 
 }  // namespace

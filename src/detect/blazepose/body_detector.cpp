@@ -6,6 +6,7 @@
 #include "doppel/detect/blazepose/network.h"
 #include "doppel/detect/blazepose/network_edits.h"
 #include "doppel/detect/blazepose/network_input.h"
+#include "doppel/detect/blazepose/network_shapes.h"
 #include "doppel/detect/blazepose/tflite_model.h"
 
 namespace doppel {
@@ -22,13 +23,7 @@ const std::vector<std::size_t> kLandmarkOutputIndices = {0, 1, 3, 4, 2};
 
 NetworkModel read_network(const PackageFile& file, const std::filesystem::path& folder,
                           const std::vector<TensorShape>& expected) {
-  NetworkModel model = read_tflite(find_model(file, folder));
-  std::vector<TensorShape> found;
-  for (const auto* tensors : {&model.inputs, &model.outputs}) {
-    for (const int tensor : *tensors) found.push_back(model.tensors[tensor].shape);
-  }
-  if (found != expected) fail_at({model.source, 0}, "has other inputs or outputs than this network of BlazePose");
-  return model;
+  return require_tensors(read_tflite(find_model(file, folder)), expected, "this network of BlazePose");
 }
 
 NetworkModel read_detector(const std::filesystem::path& folder) {

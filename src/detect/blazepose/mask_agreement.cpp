@@ -61,11 +61,9 @@ std::vector<View> views_of(const std::vector<cv::Mat>& masks, std::span<const Ca
   std::vector<View> views;
   const cv::Mat disc = cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * tolerance + 1, 2 * tolerance + 1});
   for (std::size_t i = 0; i < masks.size(); ++i) {
-    if (masks[i].empty()) continue;
-    const cv::Mat person = masks[i] == 255;
-    if (cv::countNonZero(person) == 0) continue;
-    views.push_back({i, &cameras[i], person, {}});
-    cv::dilate(person, views.back().near, disc);
+    if (masks[i].empty() || cv::countNonZero(masks[i]) == 0) continue;
+    views.push_back({i, &cameras[i], masks[i], {}});
+    cv::dilate(masks[i], views.back().near, disc);
   }
   return views;
 }
@@ -139,10 +137,9 @@ class Agreement {
   MaskAgreement options_;
 };
 
-/// The person in a view as the others see it too. @param mask of the view
-cv::Mat settled(const Agreement& agreement, const View& view, const cv::Mat& mask, const MaskAgreement& options) {
+/// The person in a view as the others see it too. @param possible 255 where the view may show the person
+cv::Mat settled(const Agreement& agreement, const View& view, const cv::Mat& possible, const MaskAgreement& options) {
   const cv::Mat person = agreement.supported(view, view.person, options.share);
-  const cv::Mat possible = mask == kPossiblePerson;
   if (cv::countNonZero(possible) == 0) return person;
   return components_touching(person | agreement.supported(view, possible, options.possible_share), person);
 }
@@ -151,22 +148,23 @@ cv::Mat settled(const Agreement& agreement, const View& view, const cv::Mat& mas
 
 SettledPixels settle_masks(std::vector<cv::Mat>& masks, std::span<const Camera> cameras, const MaskAgreement& options) {
   check(masks, cameras, options);
+  std::vector<cv::Mat> possible(masks.size());
+  for (std::size_t i = 0; i < masks.size(); ++i) {
+    if (masks[i].empty()) continue;
+    possible[i] = masks[i] == kPossiblePerson;
+    masks[i] = cv::Mat(masks[i] == 255);  // the caller may keep the pixels from before
+  }
   const std::vector<View> views = views_of(masks, cameras, options.tolerance);
   const auto middle = views.size() > as_size(kMinOthers) ? middle_of(views) : std::nullopt;
   SettledPixels changes;
-  std::vector<cv::Mat> result(masks.size());
-  for (std::size_t i = 0; i < masks.size(); ++i)
-    if (!masks[i].empty()) result[i] = masks[i] == 255;
-  if (middle) {
-    const Agreement agreement(views, *middle, options);
-    for (const View& view : views) {
-      cv::Mat& mask = result[view.index];
-      mask = settled(agreement, view, masks[view.index], options);
-      changes.removed += cv::countNonZero(view.person & ~mask);
-      changes.added += cv::countNonZero(mask & ~view.person);
-    }
+  if (!middle) return changes;
+  const Agreement agreement(views, *middle, options);
+  for (const View& view : views) {
+    const cv::Mat mask = settled(agreement, view, possible[view.index], options);
+    changes.removed += cv::countNonZero(view.person & ~mask);
+    changes.added += cv::countNonZero(mask & ~view.person);
+    masks[view.index] = mask;
   }
-  masks = std::move(result);
   return changes;
 }
 

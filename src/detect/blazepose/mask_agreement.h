@@ -21,13 +21,14 @@ struct SettledPixels {
   long removed = 0, added = 0;
 };
 
-/// Settles by the other views what belongs to the person in each view. A pixel has the support of the others if its ray
-/// has a point on the masks of so many of them; two other views must see the point. A view with a black or empty mask
-/// has no say, and neither has one at a point outside of its image. The result does not depend on the order of the
-/// views.
+/// Decides which pixels of each view show the person, by the other views. A pixel is supported if a point of its ray
+/// lies on enough of the other masks (`share`, `possible_share`); at least two other views must see the point. A view
+/// with a black or empty mask has no say, and neither has one at a point outside of its image. The result does not
+/// depend on the order of the views.
 /// - Pixels of the person without support are removed. Nothing is removed with fewer than three masks.
-/// - Pixels that may show the person (kPossiblePerson) are added where they have support and hang together with the
-///   mask. All others become background.
+/// - Pixels that may show the person (kPossiblePerson) are added where they are supported and connected to the mask.
+/// All
+///   others become background.
 /// @param masks [C] at one moment, of 0, kPossiblePerson and 255, sizes of the cameras; afterwards of 0 and 255
 /// @param cameras [C] with their distortion
 /// @throws UsageError when numbers, sizes or types differ, and for a share outside of (0, 1], a tolerance below 0, or

@@ -267,6 +267,15 @@ class ShapeCheck {
 
 void check_shapes(const NetworkModel& model) { ShapeCheck(model).run(); }
 
+const NetworkModel& require_tensors(const NetworkModel& model, const std::vector<TensorShape>& expected,
+                                    const char* network) {
+  std::vector<TensorShape> found;
+  for (const auto* tensors : {&model.inputs, &model.outputs})
+    for (const int tensor : *tensors) found.push_back(model.tensors[tensor].shape);
+  if (found != expected) fail_at({model.source, 0}, "has other inputs or outputs than {}", network);
+  return model;
+}
+
 SamePadding same_padding(std::int64_t size, std::int64_t window, std::int64_t stride) {
   const std::int64_t windows = (size + stride - 1) / stride;
   const std::int64_t total = std::max<std::int64_t>(0, (windows - 1) * stride + window - size);

@@ -9,6 +9,12 @@ namespace doppel {
 /// @throws FileError naming the operator, its number and its output
 void check_shapes(const NetworkModel& model);
 
+/// Checks that the inputs, followed by the outputs, have these shapes.
+/// @param network what was expected, for the message: "the network of hands"
+/// @return the model @throws FileError when they have not
+const NetworkModel& require_tensors(const NetworkModel& model, const std::vector<TensorShape>& expected,
+                                    const char* network);
+
 /// Zeros that "same" padding puts before the first and after the last pixel of one axis.
 struct SamePadding {
   std::int64_t before = 0, after = 0;

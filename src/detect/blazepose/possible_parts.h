@@ -7,8 +7,8 @@
 
 namespace doppel {
 
-/// A pixel of a mask that may show the person: other cameras decide (`settle_masks`). Who reads such a mask with a
-/// threshold of 128 takes it for background.
+/// A pixel of a mask that may show the person: other cameras decide (`settle_masks`). It is background for a reader
+/// with a threshold of 128.
 inline constexpr std::uint8_t kPossiblePerson = 64;
 
 /// Marks what the network may have missed, for example a far arm beside the trunk: parts beside the mask whose colours

@@ -1,8 +1,8 @@
 #include "doppel/detect/face/face_detector.h"
 
-#include "doppel/core/error.h"
 #include "doppel/detect/blazepose/network.h"
 #include "doppel/detect/blazepose/network_input.h"
+#include "doppel/detect/blazepose/network_shapes.h"
 #include "doppel/detect/blazepose/tflite_model.h"
 #include "doppel/detect/face/face_search.h"
 
@@ -16,16 +16,9 @@ constexpr FilePart kFacePart = {2495952, 1241896};  ///< face_landmark.tflite
 /// The outputs of the network in the order of the file.
 enum FaceOutput : std::size_t { kFacePoints, kFacePresence };
 
-const NetworkModel& checked_face_network(const NetworkModel& model) {
-  const std::vector<TensorShape> expected = {
-      {1, kFacePixels, kFacePixels, 3}, {1, 1, 1, 3 * kNumFacePoints}, {1, 1, 1, 1}};
-  std::vector<TensorShape> found;
-  for (const auto* tensors : {&model.inputs, &model.outputs}) {
-    for (const int tensor : *tensors) found.push_back(model.tensors[tensor].shape);
-  }
-  if (found != expected) fail_at({model.source, 0}, "has other inputs or outputs than the network of faces");
-  return model;
-}
+/// The inputs and outputs of the network in the order of the file.
+const std::vector<TensorShape> kFaceTensors = {
+    {1, kFacePixels, kFacePixels, 3}, {1, 1, 1, 3 * kNumFacePoints}, {1, 1, 1, 1}};
 
 }  // namespace
 
@@ -36,7 +29,8 @@ struct FaceDetector::Impl {
 };
 
 FaceDetector::FaceDetector(const NetworkModel& model, int threads)
-    : impl_(std::make_unique<Impl>(Impl{Network(checked_face_network(model), threads)})) {}
+    : impl_(std::make_unique<Impl>(
+          Impl{Network(require_tensors(model, kFaceTensors, "the network of faces"), threads)})) {}
 FaceDetector::FaceDetector(int threads, const std::filesystem::path& models)
     : FaceDetector(
           read_tflite(find_package_file(kFacePackage, kFaceFile, models.empty() ? models_folder() : models), kFacePart),

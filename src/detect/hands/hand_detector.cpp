@@ -1,8 +1,8 @@
 #include "doppel/detect/hands/hand_detector.h"
 
-#include "doppel/core/error.h"
 #include "doppel/detect/blazepose/network.h"
 #include "doppel/detect/blazepose/network_input.h"
+#include "doppel/detect/blazepose/network_shapes.h"
 #include "doppel/detect/blazepose/tflite_model.h"
 #include "doppel/detect/hands/hand_search.h"
 
@@ -15,16 +15,9 @@ constexpr float kMinHandPresence = 0.5f;
 /// The outputs of the network in the order of the file.
 enum HandOutput : std::size_t { kHandPoints, kHandPresence, kHandedness, kHandWorld };
 
-const NetworkModel& checked_hand_network(const NetworkModel& model) {
-  const std::vector<TensorShape> expected = {
-      {1, kHandPixels, kHandPixels, 3}, {1, 3 * kNumHandPoints}, {1, 1}, {1, 1}, {1, 3 * kNumHandPoints}};
-  std::vector<TensorShape> found;
-  for (const auto* tensors : {&model.inputs, &model.outputs}) {
-    for (const int tensor : *tensors) found.push_back(model.tensors[tensor].shape);
-  }
-  if (found != expected) fail_at({model.source, 0}, "has other inputs or outputs than the network of hands");
-  return model;
-}
+/// The inputs and outputs of the network in the order of the file.
+const std::vector<TensorShape> kHandTensors = {
+    {1, kHandPixels, kHandPixels, 3}, {1, 3 * kNumHandPoints}, {1, 1}, {1, 1}, {1, 3 * kNumHandPoints}};
 
 }  // namespace
 
@@ -35,7 +28,8 @@ struct HandDetector::Impl {
 };
 
 HandDetector::HandDetector(const NetworkModel& model, int threads)
-    : impl_(std::make_unique<Impl>(Impl{Network(checked_hand_network(model), threads)})) {}
+    : impl_(std::make_unique<Impl>(
+          Impl{Network(require_tensors(model, kHandTensors, "the network of hands"), threads)})) {}
 HandDetector::HandDetector(int threads, const std::filesystem::path& models)
     : HandDetector(read_tflite(find_package_file(kHandPackage, kHandFile, models.empty() ? models_folder() : models)),
                    threads) {}

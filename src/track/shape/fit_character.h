@@ -19,9 +19,8 @@ struct FitCharacterOptions {
   ShapeRounds shape;
 
   /// Outlines count more than in tracking by default, and keypoints less: keypoints are off in the same way in all
-  /// frames, so a body that follows them is off, too. Finer outlines make the body more accurate. The terms that hold a
-  /// pose near to the predicted one have the same share of the weights of the keypoints as by default, so that an arm
-  /// whose outline is hidden still follows its keypoints.
+  /// frames, so a body that follows them is off, too. Finer outlines make the body more accurate. The
+  /// temporal terms are weakened like the keypoints, so that an arm with a hidden outline still follows its keypoints.
   FitCharacterOptions() {
     config.fit.keypoint_weight = 0.3;
     config.fit.temporal_weight = 1500.0;

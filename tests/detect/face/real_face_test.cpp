@@ -29,12 +29,7 @@ class RealFace : public support::BlazePoseTest {
  protected:
   void SetUp() override {
     BlazePoseTest::SetUp();
-    if (IsSkipped()) return;
-    try {
-      find_package_file(kFacePackage, kFaceFile);
-    } catch (const std::exception& error) {
-      GTEST_SKIP() << "the weights of faces are not here: " << error.what();
-    }
+    require_weights(kFacePackage, kFaceFile);
   }
 
   /// Every `step`-th frame of a camera, up to the frame `last`.

@@ -6,15 +6,15 @@
 #include <cmath>
 
 #include "detect/blazepose/small_model.h"
+#include "detect/blazepose/small_network.h"
 #include "doppel/core/error.h"
-#include "doppel/detect/blazepose/tflite_model.h"
-#include "support/hostile_files.h"
 #include "support/message_of.h"
-#include "support/temporary_folder.h"
 
 namespace doppel::hand_detector_test {
 namespace {
 
+using support::image_of;
+using support::network_of;
 using support::SmallModel;
 using Op = tflite::BuiltinOperator;
 using ::testing::HasSubstr;
@@ -46,16 +46,6 @@ std::string colour_network(int points) {
   }
   const int found = product(blue, numbers), presence = probability({8, 0, 0}), right = probability({0, 8, 0});
   return model.file({in}, {found, presence, right, product(none, metres)});
-}
-
-NetworkModel network_of(const std::string& file) {
-  const support::TemporaryFolder folder;
-  support::write_bytes(folder / "hands.tflite", file);
-  return read_tflite(folder / "hands.tflite");
-}
-
-cv::Mat image_of(double red, double green, double blue) {
-  return {50, 60, CV_8UC3, cv::Scalar(255 * blue, 255 * green, 255 * red)};
 }
 
 class HandDetectorTest : public ::testing::Test {

@@ -32,12 +32,7 @@ class RealHands : public support::BlazePoseTest {
  protected:
   void SetUp() override {
     BlazePoseTest::SetUp();
-    if (IsSkipped()) return;
-    try {
-      find_package_file(kHandPackage, kHandFile);
-    } catch (const std::exception& error) {
-      GTEST_SKIP() << "the weights of hands are not here: " << error.what();
-    }
+    require_weights(kHandPackage, kHandFile);
   }
 
   std::vector<cv::Mat> frames_of(int camera, const std::vector<int>& frames) const {
