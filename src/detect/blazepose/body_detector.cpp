@@ -125,7 +125,7 @@ Eigen::Vector2d hips_of(const BodyPose& pose) {
   return {0.5 * (left.x + right.x), 0.5 * (left.y + right.y)};
 }
 
-BodyTracker::BodyTracker(BodyDetector& detector, std::optional<Eigen::Vector2d> hint)
+BodyTracker::BodyTracker(BodyDetector& detector, const std::optional<Eigen::Vector2d>& hint)
     : detector_(&detector), position_(hint) {}
 
 std::optional<BodyPose> BodyTracker::track(const cv::Mat& image, const std::optional<PersonAnchor>& known) {

@@ -62,7 +62,7 @@ class BodyTracker {
  public:
   /// @param detector must outlive the tracker
   /// @param hint pixel near the middle of the person's hips in the first frame; if not given, the best box counts
-  explicit BodyTracker(BodyDetector& detector, std::optional<Eigen::Vector2d> hint = std::nullopt);
+  explicit BodyTracker(BodyDetector& detector, const std::optional<Eigen::Vector2d>& hint = std::nullopt);
 
   /// The person in the next frame. Where nothing is found in the region of the frame before, all people are detected
   /// anew, and the one nearest to the last known position counts.
