@@ -207,6 +207,16 @@ TEST(ProgressReference, NothingToDo) {
   EXPECT_THAT(GetCapturedStderr(), HasSubstr("idle 0/0 100%"));
 }
 
+TEST(ProgressReference, DroppedStepsAreNotMissing) {
+  CaptureStderr();
+  {
+    Progress progress("bending", 8);
+    progress.advance(3);
+    progress.drop(5);
+  }
+  EXPECT_THAT(GetCapturedStderr(), HasSubstr("bending 3/3 100%"));
+}
+
 TEST(ProgressReference, Durations) {
   EXPECT_EQ(format_duration(95), "1:35");
   EXPECT_EQ(format_duration(4000), "1:06:40");
