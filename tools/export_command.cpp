@@ -10,6 +10,8 @@
 #include "doppel/actor/export/actor_weights.h"
 #include "doppel/actor/export/onnx_file.h"
 #include "doppel/actor/export/pose_file.h"
+#include "doppel/actor/export/quantized_export.h"
+#include "doppel/actor/onnx/onnx_constants.h"
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/trained_actor.h"
 #include "doppel/actor/trained_pose.h"
@@ -21,7 +23,42 @@ namespace {
 
 struct ExportArguments {
   std::string run, capture, out, motion, format = "torchscript";
+  int quantize = 0;  ///< bits; 0: float32
   bool geometry_only = false, pose_only = false;
+};
+
+/// The quantized weights of some networks as --quantize wants them, and what a written file is compared on.
+struct Quantization {
+  QuantizedWeights weights;
+  ModelSamples samples;
+
+  /// @param make_samples called with --quantize alone
+  Quantization(const ExportArguments& arguments, const ScriptModules& modules,
+               const std::function<ModelSamples()>& make_samples) {
+    if (arguments.quantize == 0) return;
+    weights = QuantizedWeights(modules, arguments.quantize);
+    samples = make_samples();
+  }
+
+  /// Prints the report of an export, with the error of what was written. If that cannot be used, it is removed.
+  /// @param text for people, whole lines @param written files and folders @param read reads their tensors
+  void report(const CommonOptions& common, nlohmann::ordered_json json, std::string text,
+              const std::vector<std::filesystem::path>& written, const std::function<NamedWeights()>& read) const {
+    if (weights.bits() > 0) {
+      try {
+        const QuantizationReport compared = compare_quantized(weights, read(), samples);
+        json["quantized"] = compared.to_json();
+        text += compared.to_text();
+      } catch (...) {
+        for (const std::filesystem::path& path : written) std::filesystem::remove_all(path);
+        throw;
+      }
+    }
+    if (common.json)
+      std::cout << json << "\n";
+    else
+      std::cout << text;
+  }
 };
 
 ActorDescription describe(const TrainedActor& trained) {
@@ -47,6 +84,19 @@ std::vector<std::pair<std::string, torch::nn::Module*>> modules_of(TrainedActor&
   return modules;
 }
 
+ActorFunctions functions_of(TrainedActor& trained) {
+  ActorFunctions functions{[&](const torch::Tensor& window) { return trained.fine(window); }};
+  if (trained.texnet)
+    functions.texture = [&](const torch::Tensor& window, const torch::Tensor& projection,
+                            const torch::Tensor& vertices) { return trained.texture(window, projection, vertices); };
+  if (trained.gaussians)
+    functions.gaussians = [&](const torch::Tensor& window, const torch::Tensor& projection,
+                              const torch::Tensor& vertices) {
+      return trained.gaussian_rows(window, projection, vertices);
+    };
+  return functions;
+}
+
 std::string extension_of(const std::string& format) { return format == "torchscript" ? "pt" : format; }
 
 /// The output file; its default is in the run folder.
@@ -64,31 +114,36 @@ void export_actor(const ExportArguments& arguments, const std::optional<std::fil
     trained.texnet = nullptr;
     trained.gaussians = nullptr;
   }
-  ActorFunctions functions{[&](const torch::Tensor& window) { return trained.fine(window); }};
-  if (trained.texnet)
-    functions.texture = [&](const torch::Tensor& window, const torch::Tensor& projection,
-                            const torch::Tensor& vertices) { return trained.texture(window, projection, vertices); };
-  if (trained.gaussians)
-    functions.gaussians = [&](const torch::Tensor& window, const torch::Tensor& projection,
-                              const torch::Tensor& vertices) {
-      return trained.gaussian_rows(window, projection, vertices);
-    };
-  if (arguments.format == "safetensors")
-    write_actor_weights(out, trained.character, describe(trained), modules_of(trained));
+  const ActorFunctions functions = functions_of(trained);
+  const ScriptModules modules = modules_of(trained);
+  const Quantization quantization(arguments, modules, [&] {
+    return actor_samples_of(trained.subject.open_dataset(), functions, trained.past_frames());
+  });
+  const bool weights_alone = arguments.format == "safetensors";
+  if (weights_alone)
+    write_actor_weights(out, trained.character, describe(trained), modules, quantization.weights);
   else if (arguments.format == "onnx")
-    write_actor_onnx(out, trained.character, describe(trained), functions, modules_of(trained));
+    write_actor_onnx(out, trained.character, describe(trained), functions, modules, quantization.weights);
   else
-    write_actor(out, trained.character, describe(trained), functions, modules_of(trained));
+    write_actor(out, trained.character, describe(trained), functions, modules);
   const auto bytes = std::filesystem::file_size(out);
-  if (common.json)
-    std::cout << nlohmann::ordered_json{{"actor", out.string()}, {"bytes", bytes}, {"steps", trained.steps}} << "\n";
-  else
-    std::cout << "actor " << out.string() << ": " << trained.character.num_vertices() << " vertices from windows of "
-              << trained.past_frames() + 1 << " poses, " << bytes / 1000 << " kB, up to "
-              << (trained.gaussians ? "gaussians"
-                  : trained.texnet  ? "texnet"
-                                    : trained.geometry_name())
-              << "\n";
+  std::vector<std::filesystem::path> written{out};
+  if (weights_alone) written.push_back(std::filesystem::path(out).replace_extension(".json"));
+  const std::string last = trained.gaussians ? "gaussians" : trained.texnet ? "texnet" : trained.geometry_name();
+  quantization.report(common, {{"actor", out.string()}, {"bytes", bytes}, {"steps", trained.steps}},
+                      fmt::format("actor {}: {} vertices from windows of {} poses, {} kB, up to {}\n", out.string(),
+                                  trained.character.num_vertices(), trained.past_frames() + 1, bytes / 1000, last),
+                      written, [&] { return weights_alone ? read_safetensors(out) : read_onnx_constants(out); });
+}
+
+/// What a page shows of an actor: the surface of its last stage, with its looks.
+ActorFunctions functions_of(const ViewSubject& subject) {
+  ActorFunctions functions{subject.stages.back().vertices};
+  for (const ViewStage& stage : subject.stages) {
+    if (stage.texture) functions.texture = stage.texture;
+    if (stage.gaussians) functions.gaussians = stage.gaussians;
+  }
+  return functions;
 }
 
 void export_page(const ExportArguments& arguments, const CommonOptions& common) {
@@ -98,16 +153,22 @@ void export_page(const ExportArguments& arguments, const CommonOptions& common) 
   options.geometry_only = arguments.geometry_only;
   const ViewSubject subject = open_view_subject(arguments.run, options);
   const std::filesystem::path out = out_path(arguments, "web");
-  write_web_folder(out, subject);
+  if (arguments.quantize > 0 && subject.networks.empty())
+    fail<UsageError>("--quantize: the page of {} has no networks; the option is for runs of egnet and ddc",
+                     arguments.run);
+  const Quantization quantization(arguments, subject.networks, [&] {
+    const std::filesystem::path capture =
+        arguments.capture.empty() ? run_subject(arguments.run).capture : std::filesystem::path(arguments.capture);
+    return actor_samples_of(Dataset::open(capture), functions_of(subject), subject.stages.back().past_frames);
+  });
+  write_web_folder(out, subject, quantization.weights);
   std::vector<std::string> stages;
   for (const ViewStage& stage : subject.stages) stages.push_back(stage.name);
-  if (common.json)
-    std::cout << nlohmann::ordered_json{{"page", out.string()}, {"stages", stages}} << "\n";
-  else
-    fmt::print(
-        "page {0}: stages {1}, {2} frames. Any file server serves this folder, for example\n"
-        "  python3 -m http.server --directory {0}\n",
-        out.string(), fmt::join(stages, ", "), subject.motion.num_frames());
+  quantization.report(common, {{"page", out.string()}, {"stages", stages}},
+                      fmt::format("page {0}: stages {1}, {2} frames. Any file server serves this folder, for example\n"
+                                  "  python3 -m http.server --directory {0}\n",
+                                  out.string(), fmt::join(stages, ", "), subject.motion.num_frames()),
+                      {out}, [&] { return read_web_constants(out, subject); });
 }
 
 void export_pose(const ExportArguments& arguments, const std::optional<std::filesystem::path>& capture,
@@ -121,18 +182,21 @@ void export_pose(const ExportArguments& arguments, const std::optional<std::file
                      arguments.run);
   TrainedPose trained = TrainedPose::load(arguments.run, capture, /*with_defnet=*/!arguments.pose_only);
   const std::filesystem::path out = out_path(arguments, "pose." + extension_of(arguments.format));
+  ScriptModules networks{{"posenet", trained.posenet.get()}};
+  if (trained.defnet) networks.emplace_back("defnet", trained.defnet.get());
+  const Quantization quantization(arguments, networks,
+                                  [&] { return pose_samples_of(trained.subject.open_dataset(), trained); });
   if (arguments.format == "onnx")
-    write_pose_onnx(out, trained);
+    write_pose_onnx(out, trained, quantization.weights);
   else
     write_pose_file(out, trained);
   const auto bytes = std::filesystem::file_size(out);
-  if (common.json)
-    std::cout << nlohmann::ordered_json{{"pose", out.string()}, {"bytes", bytes}, {"steps", trained.steps}} << "\n";
-  else
-    std::cout << "pose " << out.string() << ": " << trained.character.num_dofs() << " DoFs, "
-              << trained.landmarks.size() << " landmarks, " << trained.character.num_vertices()
-              << " vertices from images of " << trained.input_size() << " x " << trained.input_size() << ", "
-              << bytes / 1000 << " kB, up to " << (trained.defnet ? "defnet" : "posenet") << "\n";
+  quantization.report(
+      common, {{"pose", out.string()}, {"bytes", bytes}, {"steps", trained.steps}},
+      fmt::format("pose {}: {} DoFs, {} landmarks, {} vertices from images of {} x {}, {} kB, up to {}\n", out.string(),
+                  trained.character.num_dofs(), trained.landmarks.size(), trained.character.num_vertices(),
+                  trained.input_size(), trained.input_size(), bytes / 1000, trained.defnet ? "defnet" : "posenet"),
+      {out}, [&] { return read_onnx_constants(out); });
 }
 
 int run(const ExportArguments& arguments, const CommonOptions& common) {
@@ -140,6 +204,10 @@ int run(const ExportArguments& arguments, const CommonOptions& common) {
       arguments.capture.empty() ? std::nullopt : std::make_optional<std::filesystem::path>(arguments.capture);
   if (!arguments.motion.empty() && arguments.format != "web")
     fail<UsageError>("--motion: a {} file holds no motion; the option is for --format web", arguments.format);
+  if (arguments.quantize > 0 && arguments.format == "torchscript")
+    fail<UsageError>(
+        "--quantize: parameters of a torchscript file are float32, for gradients and for Doppel's kernels; the option "
+        "is for --format onnx, safetensors and web");
   if (arguments.format == "web")
     export_page(arguments, common);
   else if (captures_poses(arguments.run))
@@ -168,6 +236,10 @@ Command add_export(CLI::App& program) {
       ->capture_default_str();
   app->add_option("--motion", arguments->motion,
                   "web: the motion to play, as for `doppel animate` (default: a test sequence of the capture)");
+  app->add_option("--quantize", arguments->quantize,
+                  "onnx, safetensors, web: bits of the networks' weights, 16 or 8 instead of 32. The export measures "
+                  "the error on poses of the capture")
+      ->check(CLI::IsMember({8, 16}));
   app->add_flag("--geometry-only", arguments->geometry_only,
                 "Actor: leave TexNet and the Gaussians out; the file is smaller and gives only vertices");
   app->add_flag("--pose-only", arguments->pose_only,
@@ -176,6 +248,7 @@ Command add_export(CLI::App& program) {
       "Examples:\n"
       "  doppel export --run runs/anna --out anna.pt               # motion -> vertices, texture, Gaussians\n"
       "  doppel export --run runs/anna --format onnx --out anna.onnx\n"
+      "  doppel export --run runs/anna --format onnx --quantize 8 --out small.onnx\n"
       "  doppel export --run runs/anna --format safetensors --out anna.safetensors\n"
       "  doppel export --run runs/anna --format web --out page      # a page without a server of its own\n"
       "  doppel export --run runs/anna-deepcap --out pose.pt       # image, keypoints -> pose, landmarks, vertices");

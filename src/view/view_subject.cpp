@@ -125,6 +125,11 @@ ViewSubject of_run(const fs::path& run, const ViewOptions& options) {
           return trained->gaussian_rows(w, camera, surface);
         },
         trained->gaussians->count()));
+  subject.networks = {{"egnet", trained->egnet.get()}};
+  if (trained->deltanet) subject.networks.emplace_back("deltanet", trained->deltanet.get());
+  if (trained->texnet && !options.geometry_only) subject.networks.emplace_back("texnet", trained->texnet.get());
+  if (trained->gaussians && !options.geometry_only)
+    subject.networks.emplace_back("surface_gaussians", trained->gaussians.get());
   take_motion(subject, trained->subject.open_dataset());
   return subject;
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "doppel/actor/export/actor_trace.h"
+#include "doppel/actor/export/script_file.h"
 #include "doppel/character/character.h"
 #include "doppel/character/motion.h"
 #include "doppel/view/view_cameras.h"
@@ -38,6 +39,7 @@ struct ViewSubject {
   std::optional<ViewSequence> sequence;  ///< shown instead of a character; `cameras` filmed it, and there is no stage
   double frames_per_second = 25.0;
   std::vector<ViewStage> stages;  ///< the best last
+  ScriptModules networks;         ///< of a run's stages, alive with them; none: others
   /// The cameras that filmed `motion`, frame i at row i; null: a motion from elsewhere, or no images
   std::shared_ptr<ViewCameras> cameras;
   std::filesystem::path run;  ///< whose training is shown; empty: none

@@ -2,6 +2,7 @@
 
 #include <torch/script.h>
 
+#include "doppel/actor/onnx/onnx_constants.h"
 #include "doppel/actor/onnx/onnx_model.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
@@ -27,31 +28,33 @@ const Package kRuntime = {
 /// A function as an ONNX model of any batch size. @param sample makes its inputs of a batch size from a seed
 std::string traced_model(const ScriptFileWriter::Function& function,
                          const std::function<Stack(int, std::uint64_t)>& sample, const OnnxSignature& signature,
-                         double tolerance, const ScriptFileWriter::Compared& compared = nullptr) {
+                         double tolerance, const QuantizedWeights& quantized,
+                         const ScriptFileWriter::Compared& compared = nullptr) {
   ScriptFileWriter traced(ScriptKind::actor, {});
   traced.add("forward", sample(1, 1), function);
   traced.check("forward", sample(2, 2), function, {tolerance}, compared);
-  return onnx_model(traced.module(), "forward", signature, {sample(1, 3), sample(2, 3)}, {});
+  return onnx_model(traced.module(), "forward", signature, {sample(1, 3), sample(2, 3)}, {}, &quantized);
 }
 
-std::string geometry_model(const ViewStage& stage, const ActorDescription& sizes) {
+std::string geometry_model(const ViewStage& stage, const ActorDescription& sizes, const QuantizedWeights& quantized) {
   const auto function = [&](const Stack& inputs) -> Stack { return {stage.vertices(inputs.at(0).toTensor())}; };
   const auto sample = [&](int batch, std::uint64_t seed) -> Stack { return {random_windows(sizes, batch, seed)}; };
-  return traced_model(function, sample, {{"window"}, {"vertices"}}, kTraceTolerance);
+  return traced_model(function, sample, {{"window"}, {"vertices"}}, kTraceTolerance, quantized);
 }
 
 /// The stage's texture or Gaussians. @param output their name @param compared as ScriptFileWriter::check
 std::string look_model(const ViewStage& stage, const LookFunction& look, const char* output,
-                       const ActorDescription& sizes, const ScriptFileWriter::Compared& compared = nullptr) {
+                       const ActorDescription& sizes, const QuantizedWeights& quantized,
+                       const ScriptFileWriter::Compared& compared = nullptr) {
   const auto sample = [&](int batch, std::uint64_t seed) { return look_inputs(sizes, stage.vertices, batch, seed); };
   return traced_model(look_method(look), sample, {{"window", "projection", "vertices"}, {output}},
-                      kTraceColourTolerance, compared);
+                      kTraceColourTolerance, quantized, compared);
 }
 
-std::string stage_model(const ViewStage& stage, const ActorDescription& sizes) {
-  if (stage.gaussians) return look_model(stage, stage.gaussians, "gaussians", sizes, comparable_gaussians);
-  if (stage.texture) return look_model(stage, stage.texture, "texture", sizes);
-  return geometry_model(stage, sizes);
+std::string stage_model(const ViewStage& stage, const ActorDescription& sizes, const QuantizedWeights& quantized) {
+  if (stage.gaussians) return look_model(stage, stage.gaussians, "gaussians", sizes, quantized, comparable_gaussians);
+  if (stage.texture) return look_model(stage, stage.texture, "texture", sizes, quantized);
+  return geometry_model(stage, sizes, quantized);
 }
 
 std::string joint_model(const Character& character, const ActorDescription& sizes) {
@@ -62,7 +65,7 @@ std::string joint_model(const Character& character, const ActorDescription& size
   const auto sample = [&](int batch, std::uint64_t seed) -> Stack {
     return {random_windows(sizes, batch, seed).select(1, 0)};
   };
-  return traced_model(function, sample, {{"dofs"}, {"joints"}}, kTraceTolerance);
+  return traced_model(function, sample, {{"dofs"}, {"joints"}}, kTraceTolerance, {});
 }
 
 void write_page(const fs::path& folder) {
@@ -77,7 +80,7 @@ void write_page(const fs::path& folder) {
   }
 }
 
-void write_models(const fs::path& folder, const ViewSubject& subject) {
+void write_models(const fs::path& folder, const ViewSubject& subject, const QuantizedWeights& quantized) {
   const torch::NoGradGuard no_grad;
   const ReferenceScope plain_operations;
   ActorDescription sizes;
@@ -85,17 +88,17 @@ void write_models(const fs::path& folder, const ViewSubject& subject) {
   write_atomically(folder / "joints.onnx", joint_model(subject.character, sizes));
   for (const ViewStage& stage : subject.stages) {
     sizes.past_frames = stage.past_frames;
-    write_atomically(folder / (stage.name + ".onnx"), stage_model(stage, sizes));
+    write_atomically(folder / (stage.name + ".onnx"), stage_model(stage, sizes, quantized));
   }
 }
 
-void write_double(const fs::path& folder, const ViewSubject& subject) {
+void write_double(const fs::path& folder, const ViewSubject& subject, const QuantizedWeights& quantized) {
   const ViewFiles files = view_files(subject, subject.motion);
   write_atomically(folder / "description.json", files.description);
   write_atomically(folder / "mesh.bin", files.mesh);
   write_atomically(folder / "motion.bin", files.motion);
   if (!files.texture.empty()) write_atomically(folder / "texture.jpg", files.texture);
-  write_models(folder, subject);
+  write_models(folder, subject, quantized);
 }
 
 void copy_runtime(const fs::path& folder) {
@@ -107,7 +110,7 @@ bool holds_a_page(const fs::path& folder) { return fs::exists(folder / "double" 
 
 }  // namespace
 
-void write_web_folder(const fs::path& folder, const ViewSubject& subject) {
+void write_web_folder(const fs::path& folder, const ViewSubject& subject, const QuantizedWeights& quantized) {
   fs::path target = fs::absolute(folder).lexically_normal();
   if (!target.has_filename()) target = target.parent_path();  // "page/"
   if (fs::exists(target) && !(fs::is_directory(target) && (fs::is_empty(target) || holds_a_page(target))))
@@ -116,10 +119,18 @@ void write_web_folder(const fs::path& folder, const ViewSubject& subject) {
   const ScratchFolder scratch(target.parent_path());
   const fs::path page = scratch.path() / "page";
   write_page(page);
-  write_double(page / "double", subject);
+  write_double(page / "double", subject, quantized);
   copy_runtime(page / "runtime");
   fs::remove_all(target);
   fs::rename(page, target);
+}
+
+NamedWeights read_web_constants(const fs::path& folder, const ViewSubject& subject) {
+  NamedWeights all;
+  for (const ViewStage& stage : subject.stages)
+    for (auto& constant : read_onnx_constants(folder / "double" / (stage.name + ".onnx")))
+      all.push_back(std::move(constant));
+  return all;
 }
 
 }  // namespace doppel

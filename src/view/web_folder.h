@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "doppel/actor/export/quantized_weights.h"
 #include "doppel/view/view_subject.h"
 
 namespace doppel {
@@ -18,9 +19,13 @@ namespace doppel {
 /// - `runtime/`: ONNX Runtime, 14 MB, fetched on first use (core/fetch/package_files.h)
 ///
 /// A folder that exists is replaced only if it holds such a page.
-/// @pre the subject has a character
+/// @param quantized those of subject.networks, or none @pre the subject has a character
 /// @throws UsageError when `folder` exists and holds something else; Error as onnx_model and find_package_file. Then
 /// nothing is written.
-void write_web_folder(const std::filesystem::path& folder, const ViewSubject& subject);
+void write_web_folder(const std::filesystem::path& folder, const ViewSubject& subject,
+                      const QuantizedWeights& quantized = {});
+
+/// The constants of all models of such a folder (read_onnx_constants).
+NamedWeights read_web_constants(const std::filesystem::path& folder, const ViewSubject& subject);
 
 }  // namespace doppel

@@ -848,6 +848,39 @@ TEST_F(ProgramRecovers, WeightsAreExportedForAHostOfOnesOwn) {
   EXPECT_TRUE(std::filesystem::exists(at("run/actor.onnx")));
 }
 
+TEST_F(ProgramRecovers, QuantizedFilesStateTheirError) {
+  const std::string actor = "export --run " + at("run") + " --json --format ";
+  const auto report = [&](const std::string& command) {
+    const Outcome outcome = run(command);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return nlohmann::json::parse(outcome.out);
+  };
+  for (const std::string format : {"onnx", "safetensors"}) {
+    const std::string file = " --out " + at("quantized." + format);
+    const nlohmann::json whole = report(actor + format + file), half = report(actor + format + " --quantize 16" + file),
+                         byte = report(actor + format + " --quantize 8" + file);
+    EXPECT_FALSE(whole.contains("quantized"));
+    for (const nlohmann::json* small : {&half, &byte}) {
+      const nlohmann::json& stated = small->at("quantized");
+      const double saved = stated["float32_bytes"].get<double>() - stated["bytes"].get<double>();
+      // Names of operators, of scales and of types take the rest.
+      EXPECT_NEAR(whole["bytes"].get<double>() - small->at("bytes").get<double>(), saved, 2e4) << format;
+      EXPECT_GT(stated["vertices_mm"]["largest"], stated["vertices_mm"]["mean"]);
+    }
+    EXPECT_EQ(half["quantized"]["bytes"].get<std::int64_t>() * 2, half["quantized"]["float32_bytes"]);
+    EXPECT_GT(byte["quantized"]["vertices_mm"]["mean"], half["quantized"]["vertices_mm"]["mean"]);
+    EXPECT_LT(byte["quantized"]["vertices_mm"]["largest"], 20.0);
+  }
+  const Outcome text = run("export --run " + at("run") + " --format onnx --quantize 8 --out " + at("small.onnx"));
+  EXPECT_NE(text.out.find("8 bits: "), std::string::npos) << text.out;
+  EXPECT_NE(text.out.find(" mm at most"), std::string::npos) << text.out;
+  for (const std::string wrong : {"onnx --quantize 4", "onnx --quantize half", "torchscript --quantize 8"}) {
+    const Outcome refused = run(actor + wrong);
+    EXPECT_EQ(refused.code, 2) << wrong;
+    EXPECT_NE(refused.err.find("--quantize"), std::string::npos) << refused.err;
+  }
+}
+
 TEST_F(ProgramRecovers, WhatCapturesAPersonIsExported) {
   train_pose_run();
   step("export --run " + at("defnet"));
@@ -862,6 +895,12 @@ TEST_F(ProgramRecovers, WhatCapturesAPersonIsExported) {
   EXPECT_EQ(refused.code, 2);
   EXPECT_NE(refused.err.find("--pose-only"), std::string::npos) << refused.err;
   EXPECT_EQ(run("export --pose-only --run " + at("run")).code, 2);
+  const Outcome small =
+      run("export --json --format onnx --quantize 8 --run " + at("defnet") + " --out " + at("small.onnx"));
+  ASSERT_EQ(small.code, 0) << small.err;
+  const nlohmann::json stated = nlohmann::json::parse(small.out)["quantized"];
+  EXPECT_GT(stated["vertices_mm"]["largest"], 0.0);
+  EXPECT_LT(stated["bytes"].get<double>(), 0.26 * stated["float32_bytes"].get<double>());
   const std::string animate = "animate --character " + at("capture/character/actor.character") + " --motion " +
                               at("capture/testing/skeletoolToGTPose/poseAngles.motion") + " --out " + at("no") +
                               " --model ";

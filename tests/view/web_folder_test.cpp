@@ -20,8 +20,8 @@ using support::TemporaryFolder;
 using ::testing::HasSubstr;
 
 /// All stages of an untrained actor, with a motion of six frames.
-ViewSubject dressed_subject() {
-  const auto actor = std::make_shared<TrainedActor>(support::dressed_actor());
+ViewSubject dressed_subject(
+    const std::shared_ptr<TrainedActor>& actor = std::make_shared<TrainedActor>(support::dressed_actor())) {
   for (torch::nn::Module* network : std::initializer_list<torch::nn::Module*>{
            actor->egnet.get(), actor->deltanet.get(), actor->texnet.get(), actor->gaussians.get()})
     for (torch::Tensor& weight : network->parameters()) weight.requires_grad_(false);
@@ -56,8 +56,16 @@ TEST(WebFolderAgrees, WithTheServerInABrowser) {
   if (std::system("command -v chromium >/dev/null") != 0) GTEST_SKIP() << "chromium is not installed";
   if (std::system(WEB_TESTS "/modules.sh") != 0) GTEST_SKIP() << "node or its packages are missing";
   const TemporaryFolder folder;
-  const ViewSubject subject = dressed_subject();
-  write_web_folder(folder / "page", subject);
+  const auto actor = std::make_shared<TrainedActor>(support::dressed_actor());
+  const ViewSubject subject = dressed_subject(actor);
+  // Half of the models with quantized weights. The server gets the weights of the files.
+  const QuantizedWeights quantized({{"egnet", actor->egnet.get()}, {"texnet", actor->texnet.get()}}, 16);
+  write_web_folder(folder / "page", subject, quantized);
+  {
+    const torch::NoGradGuard no_grad;
+    for (const StoredWeight& weight : quantized.stored(read_web_constants(folder / "page", subject)))
+      weight.parameter.copy_(weight.weight);
+  }
   ViewServer server(subject, 0);
   std::thread serving([&] { server.serve(); });
   const int code = std::system(
@@ -65,6 +73,21 @@ TEST(WebFolderAgrees, WithTheServerInABrowser) {
   server.stop();
   serving.join();
   EXPECT_EQ(WEXITSTATUS(code), 0);
+}
+
+// The networks of the page are traced without modules: their weights are constants of the traces.
+TEST(WebFolderBehaves, AllWeightsOfTheNetworksAreQuantized) {
+  const torch::NoGradGuard no_grad;
+  const auto actor = std::make_shared<TrainedActor>(support::dressed_actor());
+  ViewSubject subject = dressed_subject(actor);
+  const QuantizedWeights quantized({{"egnet", actor->egnet.get()},
+                                    {"deltanet", actor->deltanet.get()},
+                                    {"texnet", actor->texnet.get()},
+                                    {"surface_gaussians", actor->gaussians.get()}},
+                                   8);
+  const TemporaryFolder folder;
+  write_web_folder(folder / "page", subject, quantized);
+  EXPECT_EQ(quantized.stored(read_web_constants(folder / "page", subject)).size(), quantized.all().size());
 }
 
 TEST(WebFolderErrors, KeepsWhatIsThere) {

@@ -1,5 +1,7 @@
 #include "doppel/actor/export/actor_weights.h"
 
+#include <algorithm>
+
 #include "doppel/core/atomic_file.h"
 #include "doppel/nets/weights/weights_file.h"
 
@@ -94,23 +96,35 @@ void add_graph(const Character& character, CharacterTensors& all) {
   all.add("graph.weights", graph.weights, {count(graph.weights.size())}, "weight of an entry");
 }
 
+void add_networks(const ScriptModules& modules, const QuantizedWeights& quantized, NamedWeights& tensors) {
+  const auto add = [&](const std::string& name, const torch::Tensor& tensor) {
+    const QuantizedWeight* weight = quantized.find(tensor);
+    tensors.emplace_back(name, weight ? weight->values : tensor);
+    if (weight && weight->scale.defined()) tensors.emplace_back(weight->scale_name(), weight->scale);
+  };
+  for (const auto& [prefix, module] : modules) {
+    for (const auto& entry : module->named_parameters()) add(prefix + "." + entry.key(), entry.value());
+    for (const auto& entry : module->named_buffers()) add(prefix + "." + entry.key(), entry.value());
+  }
+  std::stable_sort(tensors.begin(), tensors.end(),
+                   [](const auto& a, const auto& b) { return a.second.element_size() > b.second.element_size(); });
+}
+
 }  // namespace
 
 void write_actor_weights(const std::filesystem::path& path, const Character& character,
-                         const ActorDescription& description, const ScriptModules& modules) {
+                         const ActorDescription& description, const ScriptModules& modules,
+                         const QuantizedWeights& quantized) {
   CharacterTensors all;
   add_template(character, all);
   add_skin(character, all);
   add_skeleton(character, all);
   add_graph(character, all);
-  for (const auto& [name, module] : modules) {
-    for (const auto& entry : module->named_parameters())
-      all.tensors.emplace_back(name + "." + entry.key(), entry.value());
-    for (const auto& entry : module->named_buffers()) all.tensors.emplace_back(name + "." + entry.key(), entry.value());
-  }
+  add_networks(modules, quantized, all.tensors);
   nlohmann::ordered_json about = actor_metadata(character, description);
   about["skinning"] = character.skinning == SkinningMode::linear ? "linear" : "dual_quaternion";
   about["tensors"] = all.meaning;
+  if (!quantized.all().empty()) about["quantized"] = quantized.metadata();
   write_safetensors(path, all.tensors, {{"format", "doppel-actor"}, {"name", description.name}});
   write_atomically(std::filesystem::path(path).replace_extension(".json"), about.dump(2) + "\n");
 }

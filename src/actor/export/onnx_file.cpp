@@ -11,7 +11,9 @@ namespace {
 
 using torch::jit::Stack;
 
-std::map<std::string, std::string> key_values(const TriangleMesh& mesh, const nlohmann::ordered_json& metadata) {
+std::map<std::string, std::string> key_values(const TriangleMesh& mesh, nlohmann::ordered_json metadata,
+                                              const QuantizedWeights& quantized) {
+  if (!quantized.all().empty()) metadata["quantized"] = quantized.metadata();
   std::map<std::string, std::string> pairs{{"metadata.json", metadata.dump(1)}};
   for (const auto& [name, bytes] : mesh_files(mesh)) pairs[name] = base64(bytes);
   return pairs;
@@ -43,7 +45,7 @@ void add_complete(ScriptFileWriter& file, const ActorDescription& description, c
 
 void write_actor_onnx(const std::filesystem::path& path, const Character& character,
                       const ActorDescription& description, const ActorFunctions& functions,
-                      const ScriptModules& modules) {
+                      const ScriptModules& modules, const QuantizedWeights& quantized) {
   const ReferenceScope plain_operations;
   const bool seen = functions.texture || functions.gaussians;  // by a camera
   ScriptFileWriter traced = traced_actor(description, functions, modules);
@@ -56,10 +58,10 @@ void write_actor_onnx(const std::filesystem::path& path, const Character& charac
   if (functions.gaussians) signature.outputs.emplace_back("gaussians");
   write_atomically(
       path, onnx_model(traced.module(), seen ? "complete" : "forward", signature, actor_samples(description, seen),
-                       key_values(character.mesh, actor_metadata(character, description))));
+                       key_values(character.mesh, actor_metadata(character, description), quantized), &quantized));
 }
 
-void write_pose_onnx(const std::filesystem::path& path, TrainedPose& trained) {
+void write_pose_onnx(const std::filesystem::path& path, TrainedPose& trained, const QuantizedWeights& quantized) {
   const ReferenceScope plain_operations;
   const TracedPose traced = traced_pose(trained);
   std::vector<Stack> samples;
@@ -69,7 +71,7 @@ void write_pose_onnx(const std::filesystem::path& path, TrainedPose& trained) {
   }
   write_atomically(
       path, onnx_model(traced.file.module(), "forward", {{"image", "rotation"}, {"dofs", "landmarks", "vertices"}},
-                       samples, key_values(trained.character.mesh, traced.metadata)));
+                       samples, key_values(trained.character.mesh, traced.metadata, quantized), &quantized));
 }
 
 }  // namespace doppel

@@ -27,6 +27,10 @@ onnx::TensorProto_DataType onnx_type(torch::ScalarType type) {
       return onnx::TensorProto::BOOL;
     case torch::kUInt8:
       return onnx::TensorProto::UINT8;
+    case torch::kInt8:
+      return onnx::TensorProto::INT8;
+    case torch::kFloat16:
+      return onnx::TensorProto::FLOAT16;
     default:
       fail("writing ONNX: tensors of type {} are not supported", c10::toString(type));
   }
@@ -42,6 +46,15 @@ void set_type(onnx::ValueInfoProto& info, torch::ScalarType type, const std::vec
     else
       tensor->mutable_shape()->add_dim()->set_dim_value(size);
   }
+}
+
+/// @param value on the CPU, contiguous
+onnx::TensorProto tensor_proto(const torch::Tensor& value) {
+  onnx::TensorProto tensor;
+  tensor.set_data_type(onnx_type(value.scalar_type()));
+  for (const std::int64_t size : value.sizes()) tensor.add_dims(size);
+  tensor.set_raw_data(value.data_ptr(), value.nbytes());
+  return tensor;
 }
 
 struct AttributeWriter {
@@ -111,10 +124,7 @@ std::string OnnxGraph::add(const char* op, const std::vector<std::string>& input
 
 std::string OnnxGraph::constant(const torch::Tensor& value) {
   const torch::Tensor plain = value.detach().cpu().contiguous();
-  onnx::TensorProto tensor;
-  tensor.set_data_type(onnx_type(plain.scalar_type()));
-  for (const std::int64_t size : plain.sizes()) tensor.add_dims(size);
-  tensor.set_raw_data(plain.data_ptr(), plain.nbytes());
+  onnx::TensorProto tensor = tensor_proto(plain);
   // Large constants are compared by their hash and size: a map of their bytes would hold every weight twice.
   std::string key = tensor.SerializeAsString();
   if (key.size() > 4096)
@@ -126,6 +136,14 @@ std::string OnnxGraph::constant(const torch::Tensor& value) {
     *model_->mutable_graph()->add_initializer() = std::move(tensor);
   }
   return known->second;
+}
+
+std::string OnnxGraph::parameter(const std::string& name, const torch::Tensor& value) {
+  if (!known_.try_emplace("parameter " + name, name).second) return name;
+  onnx::TensorProto tensor = tensor_proto(value.detach().cpu().contiguous());
+  tensor.set_name(name);
+  *model_->mutable_graph()->add_initializer() = std::move(tensor);
+  return name;
 }
 
 std::string OnnxGraph::integers(const std::vector<std::int64_t>& values) {

@@ -40,6 +40,8 @@ class OnnxGraph {
 
   /// A constant, stored in the file. @throws Error for a type that ONNX does not have
   std::string constant(const torch::Tensor& value);
+  /// A constant that keeps the name of a parameter. One name stands for one tensor.
+  std::string parameter(const std::string& name, const torch::Tensor& value);
   /// One-dimensional int64.
   std::string integers(const std::vector<std::int64_t>& values);
   /// Zero-dimensional.

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <unordered_map>
 
+#include "doppel/actor/export/quantized_weights.h"
 #include "doppel/actor/onnx/conversion.h"
 #include "doppel/core/error.h"
 
@@ -21,7 +22,9 @@ using torch::jit::Stack;
 /// Evaluates a graph on the samples and converts what depends on the inputs.
 class GraphConverter {
  public:
-  GraphConverter(OnnxGraph& onnx, std::size_t num_samples) : onnx_(onnx), num_samples_(num_samples) {}
+  /// @param quantized may be null
+  GraphConverter(OnnxGraph& onnx, std::size_t num_samples, const QuantizedWeights* quantized)
+      : onnx_(onnx), num_samples_(num_samples), quantized_(quantized) {}
 
   void set(const torch::jit::Value* value, OnnxValue known) {
     uses_left_[value] = value->uses().size();
@@ -31,7 +34,7 @@ class GraphConverter {
 
   void convert(const Node* node) {
     if (node->kind() == torch::jit::prim::Constant)
-      set(node->output(), constant_of(torch::jit::toIValue(node->output()).value()));
+      set(node->output(), known_value(torch::jit::toIValue(node->output()).value()));
     else if (node->kind() == torch::jit::prim::ListConstruct)
       make_list(node);
     else if (node->kind() == torch::jit::prim::ListUnpack)
@@ -47,6 +50,19 @@ class GraphConverter {
     result.constant = true;
     if (value.isTensor() && value.toTensor().defined()) describe(result, {value});
     result.samples = {std::move(value)};
+    return result;
+  }
+
+  /// What does not depend on the inputs: a constant, but a quantized weight is the result of operators.
+  OnnxValue known_value(IValue value) {
+    const QuantizedWeight* weight = quantized_ && value.isTensor() ? quantized_->find(value.toTensor()) : nullptr;
+    if (weight == nullptr) return constant_of(std::move(value));
+    OnnxValue result;
+    result.samples.assign(num_samples_, value);
+    describe(result, result.samples);
+    result.name = onnx_.cast(onnx_.parameter(weight->name, weight->values), torch::kFloat32);
+    if (weight->scale.defined())
+      result.name = onnx_.add("Mul", {result.name, onnx_.parameter(weight->scale_name(), weight->scale)});
     return result;
   }
 
@@ -137,7 +153,7 @@ class GraphConverter {
     }
     for (std::size_t o = 0; o < node->outputs().size(); ++o) {
       if (constant || !results[0][o].isTensor()) {
-        set(node->outputs()[o], constant_of(same_in_all(node, results, o)));
+        set(node->outputs()[o], known_value(same_in_all(node, results, o)));
         continue;
       }
       if (o > 0 && !node->outputs()[o]->uses().empty())
@@ -180,6 +196,7 @@ class GraphConverter {
 
   OnnxGraph& onnx_;
   std::size_t num_samples_;
+  const QuantizedWeights* quantized_;
   std::unordered_map<const torch::jit::Value*, OnnxValue> values_;
   std::unordered_map<const torch::jit::Value*, std::size_t> uses_left_;
 };
@@ -217,11 +234,11 @@ std::vector<const torch::jit::Value*> results_of(const torch::jit::Graph& graph)
 
 std::string onnx_model(const torch::jit::script::Module& module, const std::string& method,
                        const OnnxSignature& signature, const std::vector<Stack>& samples,
-                       const std::map<std::string, std::string>& metadata) {
+                       const std::map<std::string, std::string>& metadata, const QuantizedWeights* quantized) {
   const torch::NoGradGuard no_grad;
   const std::shared_ptr<torch::jit::Graph> graph = plain_graph(module, method);
   OnnxGraph onnx;
-  GraphConverter converter(onnx, samples.size());
+  GraphConverter converter(onnx, samples.size(), quantized);
   OnnxValue self;
   self.constant = true;
   self.samples = {IValue(module._ivalue())};

@@ -8,6 +8,8 @@
 
 namespace doppel {
 
+class QuantizedWeights;
+
 struct OnnxSignature {
   std::vector<std::string> inputs;   ///< names, in the order of the method's arguments
   std::vector<std::string> outputs;  ///< names, in the order of the method's results
@@ -23,10 +25,13 @@ struct OnnxSignature {
 /// @param module   in evaluation mode. The method holds plain aten operations and no branches, as a trace does
 /// @param samples  inputs with batch sizes (dimension 0) 1 and 2
 /// @param metadata key-value pairs for the file
+/// @param quantized null, or the parameters that are stored with fewer bits (export/quantized_weights.h), under their
+/// names. A Cast, and with 8 bits a Mul by the scale, make float32 of them. ONNX Runtime computes such operators once,
+/// when it loads the file. A DequantizeLinear would run again in each call, and has no scale for each node and channel.
 /// @return the bytes of the file
 /// @throws Error naming an operation that has no conversion
 std::string onnx_model(const torch::jit::script::Module& module, const std::string& method,
                        const OnnxSignature& signature, const std::vector<torch::jit::Stack>& samples,
-                       const std::map<std::string, std::string>& metadata);
+                       const std::map<std::string, std::string>& metadata, const QuantizedWeights* quantized = nullptr);
 
 }  // namespace doppel
