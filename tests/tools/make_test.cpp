@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "doppel/calibration/formats/read_calibration.h"
 #include "run_program.h"
 #include "support/temporary_folder.h"
 
@@ -46,6 +47,25 @@ class MakeTool : public ::testing::Test {
     return run("make " + footage().string() + " --out " + (folder_ / out).string() + " --json " + options);
   }
 
+  static std::vector<std::string> names_of(const json& report) {
+    std::vector<std::string> names;
+    for (const json& step : report["steps"]) names.push_back(step["name"]);
+    return names;
+  }
+
+  fs::path calibration() const { return footage() / "calibration" / "cameras.yml"; }
+
+  /// Turns each camera in its place, in one of four directions.
+  void turn_cameras(double angle) const {
+    std::vector<Camera> cameras = read_calibration(calibration());
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+      const Eigen::AngleAxisd turn(c % 2 == 0 ? angle : -angle, Eigen::Vector3d::Unit(c / 2 % 2));
+      cameras[c].R = turn * cameras[c].R;
+      cameras[c].t = turn * cameras[c].t;
+    }
+    write_calibration(calibration(), cameras);
+  }
+
   /// Exchanges the files of two cameras in every folder of the footage.
   void exchange(const std::string& a, const std::string& b) const {
     std::vector<fs::path> files;
@@ -69,17 +89,25 @@ TEST_F(MakeTool, GoesOnWhereItEnded) {
   ASSERT_EQ(first.code, 0) << first.err;
   const json report = json::parse(first.out);
   EXPECT_FALSE(report["complete"]);
-  std::vector<std::string> names;
-  for (const json& step : report["steps"]) names.push_back(step["name"]);
-  EXPECT_THAT(names, ElementsAre("describe", "doctor")) << "the footage has keypoints and masks";
+  EXPECT_THAT(names_of(report), ElementsAre("describe", "doctor")) << "the footage has keypoints and masks";
   EXPECT_TRUE(fs::exists(folder_ / "made" / "report.html"));
 
   const Outcome second = make("--stop-after split");
   ASSERT_EQ(second.code, 0) << second.err;
   const json further = json::parse(second.out);
-  ASSERT_EQ(further["steps"].size(), 3u);
+  EXPECT_THAT(names_of(further), ElementsAre("describe", "doctor", "calibrate", "split"));
+  EXPECT_THAT(second.err, HasSubstr("the calibration stays as it is")) << "it is exact";
   EXPECT_EQ(further["steps"][1], report["steps"][1]) << "a step that has ended is not run again";
   EXPECT_THAT(second.err, Not(HasSubstr("doppel doctor")));
+}
+
+TEST_F(MakeTool, AdjustsCamerasOfWhichNoneStandsOut) {
+  turn_cameras(0.005);
+  const Outcome made = make("--stop-after calibrate");
+  ASSERT_EQ(made.code, 0) << made.err;
+  EXPECT_THAT(names_of(json::parse(made.out)),
+              ElementsAre("describe", "doctor", "calibrate", "calibrated", "doctor_calibrated"));
+  EXPECT_THAT(made.err, HasSubstr("the adjusted cameras are used"));
 }
 
 TEST_F(MakeTool, RefusesAFolderThatWasMadeFromSomethingElse) {
