@@ -38,6 +38,7 @@ using Json = nlohmann::ordered_json;
 constexpr double kCalibrationGain = 0.8;
 // Of the minutes: training ends where evaluation, export and film begin, and takes at least a quarter.
 constexpr double kTrainingEnd = 0.9, kMinTraining = 0.25;
+constexpr double kMinFilmSeconds = 6.0;  // in which the camera of the film turns by 216 degrees
 constexpr char kMakeExample[] =
     "Examples:\n"
     "  doppel make recordings/anna --out anna\n"
@@ -95,6 +96,19 @@ std::vector<PlannedStep> plan_of(const FootageSize& size, double minutes) {
   plan.push_back({"export", 15.0});
   plan.push_back({"animate", 60.0});
   return plan;
+}
+
+/// A motion, and where it is too short, the same backwards and forwards until it has enough frames.
+/// @pre the motion has a frame
+Motion to_and_fro(const Motion& motion, std::size_t min_frames) {
+  Motion longer = motion;
+  const std::size_t last = motion.frames.size() - 1;
+  for (std::size_t i = 1; last > 0 && longer.frames.size() < min_frames; ++i) {
+    const std::size_t turn = i % (2 * last);
+    longer.frames.push_back(motion.frames[turn < last ? last - turn : turn - last]);
+    longer.ids.push_back(longer.ids.back() + 1);
+  }
+  return longer;
 }
 
 /// The chain of commands from a folder of footage to an actor.
@@ -366,31 +380,40 @@ class Make {
   void export_actor() { step("export", {"export", "--run", out("run"), "--out", out("actor.pt")}); }
 
   /// The rows of the first test sequence, which no stage was trained on.
-  std::string unseen_motion() const {
-    const Capture capture = find_capture(capture_);
+  Motion unseen_motion(const Capture& capture) const {
     const auto test = std::find_if(capture.sequences.begin(), capture.sequences.end(),
                                    [](const SequenceEntry& sequence) { return sequence.split == Split::test; });
     if (test == capture.sequences.end()) fail("{} has no test sequence to film", capture_);
     const Character character = load_character(capture.character_path());
-    Motion motion = read_motion(capture.resolve(test->motion), character.num_dofs());
+    const Motion motion = read_motion(capture.resolve(test->motion), character.num_dofs());
     const RowRange rows = rows_of_sequence(capture, *test, filmed_cameras(capture));
     Motion cut;
     for (long row = rows.first; row <= std::min<long>(rows.last, motion.num_frames() - 1); ++row) {
       cut.frames.push_back(motion.frames[static_cast<std::size_t>(row)]);
       cut.ids.push_back(row - rows.first);
     }
-    const std::string file = out("unseen.motion");
-    write_motion(file, cut, true);
-    return file;
+    if (cut.frames.empty()) fail("the motion of {} ends before the rows of its test sequence {}", capture_, test->name);
+    return cut;
+  }
+
+  /// Writes a motion and names its file.
+  std::string written(const std::string& name, const Motion& motion) const {
+    write_motion(out(name), motion, true);
+    return out(name);
   }
 
   void animate() {
-    step("animate", {"animate", "--run", out("run"), "--renderer", "gaussians", "--motion", unseen_motion(), "--format",
-                     "mp4,glb", "--out", out("animation")});
+    const Capture capture = find_capture(capture_);
+    const Motion motion = unseen_motion(capture);
+    step("figure", {"animate", "--run", out("run"), "--motion", written("unseen.motion", motion), "--format", "glb",
+                    "--out", out("animation")});
+    const auto frames = static_cast<std::size_t>(std::ceil(kMinFilmSeconds * capture.fps));
+    step("animate", {"animate", "--run", out("run"), "--renderer", "gaussians", "--motion",
+                     written("film.motion", to_and_fro(motion, frames)), "--format", "mp4", "--out", out("animation")});
     fs::copy_file(arguments_.out / "animation" / "animation.glb", arguments_.out / "actor.glb",
                   fs::copy_options::overwrite_existing);
     // A character of the user may lie in this very folder.
-    const fs::path character = find_capture(capture_).character_path(), folder = arguments_.out / "character";
+    const fs::path character = capture.character_path(), folder = arguments_.out / "character";
     if (!fs::exists(folder) || !fs::equivalent(folder, character.parent_path()))
       write_character(folder, load_character(character));
   }
