@@ -33,9 +33,10 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 // Adjusted cameras are used if keypoints are then at most this share of the distance from the projections of their
-// points. With an exact calibration the share is .97, as the adjustment also follows errors of the detector
+// points, and if each camera has moved a little only. With an exact calibration the share is .97, as the adjustment
+// also follows errors of the detector. Where keypoints are wrong, it may take cameras anywhere
 // (docs/results/bodies.md).
-constexpr double kCalibrationGain = 0.8;
+constexpr double kCalibrationGain = 0.7, kMaxTurn = 2.0, kMaxShift = 100.0;  // degrees, mm
 // Of the minutes: training ends where evaluation, export and film begin, and takes at least a quarter.
 constexpr double kTrainingEnd = 0.9, kMinTraining = 0.25;
 constexpr double kMinFilmSeconds = 6.0;  // in which the camera of the film turns by 216 degrees
@@ -279,9 +280,16 @@ class Make {
     if (adjusted.empty()) return chain_->skip("calibrate", "the calibration stays as it is");
     const auto before = adjusted.at("median_before_px").get<double>(),
                after = adjusted.at("median_after_px").get<double>();
+    double turn = 0.0, shift = 0.0;
+    for (const Json& camera : adjusted.at("cameras")) {
+      turn = std::max(turn, camera.at("rotation_change_deg").get<double>());
+      shift = std::max(shift, camera.at("centre_change_mm").get<double>());
+    }
     const std::string change = fmt::format(
-        "keypoints are {:.1f} pixels from the projections of their points, {:.1f} after an adjustment", before, after);
-    if (!(after < kCalibrationGain * before))
+        "keypoints are {:.1f} pixels from the projections of their points, {:.1f} after an adjustment by up to {:.2g} "
+        "degrees and {:.0f} mm",
+        before, after, turn, shift);
+    if (!(after <= kCalibrationGain * before && turn <= kMaxTurn && shift <= kMaxShift))
       return chain_->skip("calibrate", change + ": the calibration stays as it is");
     log::info("{}: the adjusted cameras are used", change);
     adopt(with_adjusted_cameras(capture_), "doctor_calibrated", faults_of(found_).size());
