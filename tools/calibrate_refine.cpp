@@ -10,6 +10,7 @@
 #include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/angles.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
 
 namespace doppel::tools {
 
@@ -121,6 +122,17 @@ void print_table(const RigRefinement& found, const std::vector<MovedCamera>& mov
         camera.name.c_str(), camera.frame, camera.rotation / kRadiansPerDegree, 1000.0 * camera.shift);
 }
 
+/// Few poses, or keypoints of another person, determine no cameras.
+void warn_of_large_changes(const RigRefinement& found) {
+  constexpr double kLargeTurn = 10.0;  // degrees
+  for (const CameraRefinement& camera : found.reports)
+    if (camera.rotation_change > kLargeTurn * kRadiansPerDegree)
+      log::warn(
+          "camera {} is turned by {:.0f} degrees and moved by {:.0f} mm; unless somebody moved it, the keypoints do "
+          "not determine the cameras: use frames with more different poses, or `--fix` for cameras that are right",
+          camera.name, camera.rotation_change / kRadiansPerDegree, 1000.0 * camera.centre_change);
+}
+
 int run_refine(const RefineArguments& arguments, const CommonOptions& common) {
   RigFootage footage = open_rig_footage(arguments.capture, arguments.sequence);
   RefineOptions options;
@@ -129,6 +141,7 @@ int run_refine(const RefineArguments& arguments, const CommonOptions& common) {
   options.fixed = indices_of(arguments.fixed, footage);
   const std::vector<RigTake> takes = read_takes(footage, arguments, options.most_times);
   const RigRefinement found = refine_rig(footage.filmed.cameras, takes, options);
+  warn_of_large_changes(found);
   std::vector<MovedCamera> moved;
   if (found.cameras.size() >= 3)
     for (const RigTake& take : takes)
