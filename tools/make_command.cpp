@@ -198,8 +198,8 @@ class Make {
     const bool masks = any_sequence(capture, [](const SequenceEntry& sequence) { return !sequence.has_masks(); });
     if (!points && !masks) return chain_->skip("detect", "the folder has keypoints and masks");
     std::vector<std::string> words{"detect", capture_, "--out", out("detected")};
-    if (masks) words.push_back("--masks");
-    if (!points) words.push_back("--keep-keypoints");
+    if (masks) words.emplace_back("--masks");
+    if (!points) words.emplace_back("--keep-keypoints");
     step("detect", words);
     capture_ = out("detected/capture.yaml");
   }
@@ -236,7 +236,7 @@ class Make {
       for (const SequenceEntry& sequence : find_capture(mended).sequences) {
         std::vector<std::string> words{"calibrate",       "sync", mended, "--sequence", sequence.name, "--out",
                                        out("synced.yaml")};
-        if (faults.count("rolling_offset") > 0) words.push_back("--drift");
+        if (faults.count("rolling_offset") > 0) words.emplace_back("--drift");
         step("sync " + sequence.name, words);
         mended = out("synced.yaml");
       }
@@ -250,7 +250,7 @@ class Make {
   /// @return what `calibrate refine` prints; empty if it found no calibration
   Json adjust_cameras(const std::string& capture, bool focal) {
     std::vector<std::string> words{"calibrate", "refine", capture, "--out", out("refined.yml")};
-    if (focal) words.push_back("--focal");
+    if (focal) words.emplace_back("--focal");
     return step("calibrate", words, 1);
   }
   std::string with_adjusted_cameras(const std::string& capture) {
@@ -327,7 +327,7 @@ class Make {
     if (posed) return chain_->skip("track", "the folder has the motion of every sequence");
     std::vector<std::string> words{"track", capture_, "--out", out("tracked")};
     if (!track_config_.empty()) words.insert(words.end(), {"--config", track_config_});
-    if (place_landmarks_) words.push_back("--place-landmarks");
+    if (place_landmarks_) words.emplace_back("--place-landmarks");
     step("track", words);
     capture_ = out("tracked");
     tracked_ = true;
@@ -366,7 +366,7 @@ class Make {
     for (const auto& [stage, steps] : recipe_.steps)
       settings.push_back(fmt::format("{}.train.iterations={}", stage, kTried));
     std::vector<std::string> words = training("speed", settings);
-    words.push_back("--overwrite");
+    words.emplace_back("--overwrite");
     const Json measured = step("measure", words);
     for (const auto& [stage, summary] : measured.at("stages").items())
       seconds_per_step_[stage] = summary.at("step_seconds").get<double>();

@@ -15,7 +15,7 @@ struct CharacterTensors {
   nlohmann::ordered_json meaning = nlohmann::ordered_json::object();
 
   template <typename T>
-  void add(const std::string& name, const std::vector<T>& values, std::vector<std::int64_t> shape,
+  void add(const std::string& name, const std::vector<T>& values, const std::vector<std::int64_t>& shape,
            const std::string& what) {
     const bool whole = std::is_integral_v<T>;
     torch::Tensor tensor = torch::empty(shape, whole ? torch::kInt32 : torch::kFloat32);
