@@ -122,7 +122,7 @@ void print_table(const RigRefinement& found, const std::vector<MovedCamera>& mov
         camera.name.c_str(), camera.frame, camera.rotation / kRadiansPerDegree, 1000.0 * camera.shift);
 }
 
-/// Few poses, or keypoints of another person, determine no cameras.
+/// With few poses, or with keypoints of another person, cameras that turn far can be wrong.
 void warn_of_large_changes(const RigRefinement& found) {
   constexpr double kLargeTurn = 10.0;  // degrees
   for (const CameraRefinement& camera : found.reports)

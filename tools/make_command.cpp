@@ -34,9 +34,9 @@ using Json = nlohmann::ordered_json;
 
 // Adjusted cameras are used if keypoints are then at most this share of the distance from the projections of their
 // points, and if each camera has moved a little only. With an exact calibration the share is .97, as the adjustment
-// also follows errors of the detector. Where keypoints are wrong, it may take cameras anywhere
+// also follows errors of the detector. With few poses, adjusted cameras can be far from the true ones
 // (docs/results/bodies.md).
-constexpr double kCalibrationGain = 0.7, kMaxTurn = 2.0, kMaxShift = 100.0;  // degrees, mm
+constexpr double kMaxDistanceShare = 0.7, kMaxTurn = 2.0, kMaxShift = 100.0;  // degrees, mm
 // Of the minutes: training ends where evaluation, export and film begin, and takes at least a quarter.
 constexpr double kTrainingEnd = 0.9, kMinTraining = 0.25;
 constexpr double kMinFilmSeconds = 6.0;  // in which the camera of the film turns by 216 degrees
@@ -213,10 +213,10 @@ class Make {
   }
 
   void examine() {
-    found_ = step("doctor", {"doctor", capture_, "--out", out("doctor.html")}, 1);
-    if (found_.at("verdict") == "faulty") mend();
-    if (found_.at("verdict") != "faulty") return;
-    for (const Json& finding : found_.at("findings"))
+    examination_ = step("doctor", {"doctor", capture_, "--out", out("doctor.html")}, 1);
+    if (examination_.at("verdict") == "faulty") mend();
+    if (examination_.at("verdict") != "faulty") return;
+    for (const Json& finding : examination_.at("findings"))
       fmt::print(stderr, "{}: {}{}: {}\n    {}\n", finding.at("severity").get<std::string>(),
                  finding.at("camera").is_string() ? "camera " + finding["camera"].get<std::string>() + ": " : "",
                  finding.at("fault").get<std::string>(), finding.at("figure").get<std::string>(),
@@ -230,7 +230,7 @@ class Make {
 
   /// Mends what `calibrate sync` and `calibrate refine` can mend, and keeps the result if it has fewer faults.
   void mend() {
-    const std::multiset<std::string> faults = faults_of(found_);
+    const std::multiset<std::string> faults = faults_of(examination_);
     std::string mended = capture_;
     if (faults.count("out_of_sync") + faults.count("rolling_offset") > 0) {
       for (const SequenceEntry& sequence : find_capture(mended).sequences) {
@@ -265,7 +265,7 @@ class Make {
     Json after = step(examination, {"doctor", mended, "--out", out(examination + ".html")}, 1);
     if (faults_of(after).size() > allowed) return;
     capture_ = mended;
-    found_ = std::move(after);
+    examination_ = std::move(after);
   }
 
   /// Keeps the cameras of `calibrate refine` where the given ones are clearly off. `doctor` reports only errors by
@@ -289,10 +289,10 @@ class Make {
         "keypoints are {:.1f} pixels from the projections of their points, {:.1f} after an adjustment by up to {:.2g} "
         "degrees and {:.0f} mm",
         before, after, turn, shift);
-    if (!(after <= kCalibrationGain * before && turn <= kMaxTurn && shift <= kMaxShift))
+    if (!(after <= kMaxDistanceShare * before && turn <= kMaxTurn && shift <= kMaxShift))
       return chain_->skip("calibrate", change + ": the calibration stays as it is");
     log::info("{}: the adjusted cameras are used", change);
-    adopt(with_adjusted_cameras(capture_), "doctor_calibrated", faults_of(found_).size());
+    adopt(with_adjusted_cameras(capture_), "doctor_calibrated", faults_of(examination_).size());
   }
 
   void split() {
@@ -435,7 +435,7 @@ class Make {
   std::optional<MakeChain> chain_;
   std::map<std::string, double> seconds_per_step_;
   Json results_ = Json::object();
-  Json found_;  ///< what `doctor` says of the capture
+  Json examination_;  ///< what `doctor` says of the capture
 };
 
 int run_make(const MakeArguments& arguments, const CommonOptions& common) {

@@ -7,6 +7,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/thin_out.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/render/outline/boundary.h"
 #include "doppel/train/image_sheet.h"
@@ -61,11 +62,9 @@ std::string CaptureStage::identity() const {
 }
 
 torch::Tensor CaptureStage::training_windows(std::size_t limit, int past_frames) const {
-  const std::vector<SampleId> samples = chosen_samples(dataset_, options_.split, options_.frames);
-  const std::size_t count = std::min(limit, samples.size());
-  std::vector<SampleId> chosen;
-  for (std::size_t i = 0; i < count; ++i) chosen.push_back(samples[i * samples.size() / count]);
-  return dataset_.dof_windows(chosen, past_frames);
+  std::vector<SampleId> samples = chosen_samples(dataset_, options_.split, options_.frames);
+  thin_out(samples, static_cast<int>(limit));
+  return dataset_.dof_windows(samples, past_frames);
 }
 
 LossTerms CaptureStage::validation_terms(const Batch& batch, StepContext& context) {

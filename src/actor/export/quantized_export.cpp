@@ -4,6 +4,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/reference_scope.h"
+#include "doppel/core/thin_out.h"
 #include "doppel/render/projection.h"
 
 namespace doppel {
@@ -11,14 +12,7 @@ namespace {
 
 using torch::Tensor;
 
-constexpr std::size_t kMaxSamples = 16;
-
-std::vector<SampleId> evenly(const std::vector<SampleId>& samples) {
-  const std::size_t count = std::min(kMaxSamples, samples.size());
-  std::vector<SampleId> chosen;
-  for (std::size_t i = 0; i < count; ++i) chosen.push_back(samples[i * samples.size() / count]);
-  return chosen;
-}
+constexpr int kMaxSamples = 16;
 
 /// Samples of the test split, else of any. @param allowed of a sequence
 template <typename Allowed>
@@ -26,7 +20,8 @@ std::vector<SampleId> samples_to_compare(const Dataset& dataset, const Allowed& 
   for (const Split split : {Split::test, Split::validation, Split::train}) {
     std::vector<SampleId> samples = dataset.samples(split);
     std::erase_if(samples, [&](const SampleId& s) { return !allowed(dataset.sequences().at(s.sequence)); });
-    if (!samples.empty()) return evenly(samples);
+    thin_out(samples, kMaxSamples);
+    if (!samples.empty()) return samples;
   }
   fail("comparing the quantized model: {} has no sequence to compare on; export without --quantize",
        dataset.folder().string());

@@ -9,6 +9,7 @@
 #include <opencv2/core.hpp>
 #include <utility>
 
+#include "doppel/core/thin_out.h"
 #include "doppel/render/mesh/face_tensor.h"
 #include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/projection.h"
@@ -61,7 +62,7 @@ std::vector<OutlineVertex> OutlineFinder::find(const FrameEvidence& frame,
       if (seen.z() > 0.0 && outline.holds(seen.x() / seen.z(), seen.y() / seen.z()))
         found.emplace_back(static_cast<int>(v), seen.hnormalized());
     }
-    thin_out(found, 0, state_->most);
+    thin_out(found, state_->most);
     for (const auto& [vertex, pixel] : found)
       result.push_back({static_cast<int>(c), vertex, scale * outline.distance(pixel.x(), pixel.y())});
   }

@@ -3,7 +3,6 @@
 #include <memory>
 #include <vector>
 
-#include "doppel/core/as_size.h"
 #include "doppel/track/energy/evidence.h"
 #include "doppel/track/energy/pose_model.h"
 #include "doppel/track/energy/terms/silhouette_term.h"
@@ -30,15 +29,6 @@ class OutlineFinder {
   struct State;
   std::unique_ptr<const State> state_;
 };
-
-/// Thins out the elements from index `first` on, evenly, to at most `most`. Those before `first` stay.
-template <typename T>
-void thin_out(std::vector<T>& elements, std::size_t first, int most) {
-  const std::size_t count = elements.size() - first, wanted = as_size(most);
-  if (elements.size() <= first || count <= wanted) return;
-  for (std::size_t i = 0; i < wanted; ++i) elements[first + i] = elements[first + i * count / wanted];
-  elements.resize(first + wanted);
-}
 
 /// The posed surface, [N] world metres.
 std::vector<Eigen::Vector3d> posed_vertices(const PoseModel& model, const PosedBody& body);

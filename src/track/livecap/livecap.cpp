@@ -7,6 +7,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/clock.h"
 #include "doppel/core/error.h"
+#include "doppel/core/thin_out.h"
 #include "doppel/track/energy/alignment.h"
 #include "doppel/track/energy/fit_problem.h"
 #include "doppel/track/energy/inliers.h"
@@ -266,7 +267,7 @@ std::unique_ptr<PoseTerm> LivecapTracker::silhouette_term(const Evidence& eviden
   std::vector<OutlineVertex> outline = viewer_.look(surface, evidence.frame.front().outline.box(), 0.0).outline;
   if (options_.remove_depth) set_depth_aside(surface, outline);
   if (!options_.own_distance) drop_own_distances(outline);
-  thin_out(outline, 0, options_.outline_vertices);
+  thin_out(outline, options_.outline_vertices);
   // The thesis's weight is that of one vertex; the vertices of the term share its weight.
   const double weight = options_.silhouette_weight * static_cast<double>(outline.size());
   auto term = std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, evidence.frame, std::move(outline), weight, 1.0,

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/track/energy/outline.h"
+#include "doppel/core/thin_out.h"
 
 namespace doppel {
 namespace {
@@ -151,7 +151,7 @@ std::vector<SurfaceMatch> surface_matches(const SurfaceFlow& flow, const DrawnSu
     matches.push_back({number, static_cast<int>(v), pixel + Eigen::Vector2d(moved[0], moved[1]),
                        sureness_of(flow.structure.at<cv::Vec3f>(at))});
   }
-  thin_out(matches, 0, most);
+  thin_out(matches, most);
   return matches;
 }
 
