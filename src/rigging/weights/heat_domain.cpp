@@ -13,7 +13,8 @@ namespace doppel {
 namespace {
 
 constexpr int kAirLayers = 2;
-constexpr double kTie = 1e-6;  // metres; bones at the same distance share a cell
+constexpr double kThickness = 0.25;  // of a bone: the share of its distance to the surface that it fills
+constexpr double kTie = 1e-6;        // metres; bones at the same distance share a cell
 
 /// The same solid in a grid that holds all points, with a margin.
 SolidGrid padded(const SolidGrid& solid, const std::vector<HeatBone>& bones,
@@ -203,12 +204,12 @@ HeatDomain::Stencil HeatDomain::stencil(const Eigen::Vector3d& point) const {
 }
 
 HeatDomain make_heat_domain(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
-                            const std::vector<Eigen::Vector3d>& points, const HeatOptions& options) {
+                            const std::vector<Eigen::Vector3d>& points) {
   HeatDomain domain;
   domain.grid = padded(solid, bones, points);
   domain.walls = find_walls(domain.grid, mesh);
   std::vector<std::uint8_t> wanted = wanted_cells(domain, points);
-  const auto held = bone_cells(domain.grid, bones, options.thickness);
+  const auto held = bone_cells(domain.grid, bones, kThickness);
   std::vector<std::size_t> sources;
   for (const auto& entry : held) {
     sources.push_back(entry.first);

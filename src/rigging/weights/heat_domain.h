@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "doppel/geometry/mesh.h"
-#include "doppel/rigging/weights/heat_options.h"
+#include "doppel/rigging/weights/heat_bone.h"
 #include "doppel/rigging/weights/solid_grid.h"
 
 namespace doppel {
@@ -33,9 +33,9 @@ struct HeatDomain {
 
 /// @param mesh whose surface hinders the heat @param points positions at which the temperature will be read
 HeatDomain make_heat_domain(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
-                            const std::vector<Eigen::Vector3d>& points, const HeatOptions& options);
+                            const std::vector<Eigen::Vector3d>& points);
 
 /// Solves for the steady temperature: [n * bones], row-major, cell by cell.
-std::vector<float> solve_heat(const HeatDomain& domain, int num_bones, const HeatOptions& options);
+std::vector<float> solve_heat(const HeatDomain& domain, int num_bones);
 
 }  // namespace doppel

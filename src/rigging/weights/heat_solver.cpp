@@ -8,7 +8,9 @@
 namespace doppel {
 namespace {
 
-constexpr int kColumns = 8;  // fields that are solved together
+constexpr int kColumns = 8;    // fields that are solved together
+constexpr double kAir = 1e-4;  // conduction of the cells around the body, relative to those inside
+constexpr double kWall = 0.1;  // conduction through a surface inside of the solid: skin under clothes, touching limbs
 constexpr int kMaxIterations = 2000;
 constexpr double kTolerance = 1e-6;  // of the residual, relative to the right-hand side
 
@@ -18,7 +20,7 @@ using Block = std::vector<Columns>;  // [n]
 /// The Laplace equation on the cells that no bone fills: symmetric and positive definite.
 class HeatEquation {
  public:
-  HeatEquation(const HeatDomain& domain, const HeatOptions& options) : domain_(domain) {
+  explicit HeatEquation(const HeatDomain& domain) : domain_(domain) {
     const SolidGrid& grid = domain.grid;
     const std::size_t row = as_size(grid.size[0]), layer = row * as_size(grid.size[1]);
     const std::array<std::size_t, 6> steps{1, row, layer, -std::size_t{1}, -row, -layer};
@@ -34,8 +36,8 @@ class HeatEquation {
         const bool inside = other >= 0 && grid.inside[domain.cells[i]] != 0 && grid.inside[cell] != 0;
         const std::uint8_t wall = other < 0 ? 0 : domain.walls[k < 3 ? domain.cells[i] : cell][k % 3];
         const double conduction = other < 0                             ? 0.0
-                                  : !inside || wall == HeatDomain::kGap ? options.air
-                                  : wall != HeatDomain::kNone           ? options.wall
+                                  : !inside || wall == HeatDomain::kGap ? kAir
+                                  : wall != HeatDomain::kNone           ? kWall
                                                                         : 1.0;
         conduction_[i][k] = static_cast<float>(conduction);
         diagonal_[i] += conduction_[i][k];
@@ -113,8 +115,8 @@ class HeatEquation {
 
 }  // namespace
 
-std::vector<float> solve_heat(const HeatDomain& domain, int num_bones, const HeatOptions& options) {
-  const HeatEquation equation(domain, options);
+std::vector<float> solve_heat(const HeatDomain& domain, int num_bones) {
+  const HeatEquation equation(domain);
   std::vector<float> result(domain.cells.size() * as_size(num_bones));
   for (int first = 0; first < num_bones; first += kColumns) equation.solve(first, num_bones, result);
   return result;

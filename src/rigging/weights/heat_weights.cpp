@@ -13,6 +13,9 @@
 namespace doppel {
 namespace {
 
+constexpr double kSharpness = 2.0;  // power of the weights; above 1 the transition at a joint becomes shorter
+constexpr int kSmoothing = 3;       // rounds of averaging over the edges of the mesh
+
 /// The different positions of a mesh. Vertices along seams share one.
 struct Seams {
   std::vector<int> position_of;            ///< [N] the vertex's position
@@ -134,16 +137,15 @@ void check_input(const std::vector<HeatBone>& bones, const SolidGrid& solid) {
 
 }  // namespace
 
-WeightField heat_field(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
-                       const HeatOptions& options) {
+WeightField heat_field(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid) {
   check_input(bones, solid);
   const Seams seams = find_seams(mesh);
   const std::vector<Eigen::Vector3d> points = reading_points(seams, solid);
-  const HeatDomain domain = make_heat_domain(mesh, bones, solid, points, options);
+  const HeatDomain domain = make_heat_domain(mesh, bones, solid, points);
   const int num_bones = static_cast<int>(bones.size());
-  WeightField field = read_field(domain, solve_heat(domain, num_bones, options), num_bones, points);
-  scale_rows(field, options.sharpness);
-  smooth_rows(field, mesh, seams, solid.cell, options.smoothing);
+  WeightField field = read_field(domain, solve_heat(domain, num_bones), num_bones, points);
+  scale_rows(field, kSharpness);
+  smooth_rows(field, mesh, seams, solid.cell, kSmoothing);
   return field(seams.position_of, Eigen::all);
 }
 

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "doppel/geometry/mesh.h"
-#include "doppel/rigging/weights/heat_options.h"
+#include "doppel/rigging/weights/heat_bone.h"
 #include "doppel/rigging/weights/solid_grid.h"
 #include "doppel/rigging/weights/weight_field.h"
 
@@ -20,7 +20,6 @@ namespace doppel {
 /// @return [N, Bn]
 /// @throws Error without bones, for a bone whose segments all lie outside of the grid, an empty solid, or when the
 ///   equations are not solved in 2000 iterations
-WeightField heat_field(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
-                       const HeatOptions& options = {});
+WeightField heat_field(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid);
 
 }  // namespace doppel
