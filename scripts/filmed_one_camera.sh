@@ -39,8 +39,7 @@ livecap() {
   judge "$1" --tracked "$folder/$1"
 }
 livecap livecap
-livecap livecap-blazepose --config configs/track/blazepose.yaml
-livecap livecap-prior --config configs/track/blazepose.yaml --prior-motion "$folder/refined/$train.motion"
+livecap livecap-prior --prior-motion "$folder/refined/$train.motion"
 
 for seed in "${seeds[@]}"; do
   as_options seed="$seed" capture="$folder/small" defnet.train.iterations="$(steps 320)" posenet.train.max_minutes=120
@@ -54,8 +53,7 @@ done
 {
   echo "| test frames, seen in one camera | other cameras, at the true position | as it is | GLE, mm | MPJPE, mm |"
   echo "|---|---:|---:|---:|---:|"
-  for row in "LiveCap livecap" "LiveCap,~\`configs/track/blazepose.yaml\` livecap-blazepose" \
-    "the~same~with~\`--prior-motion\` livecap-prior"; do
+  for row in "LiveCap livecap" "LiveCap~with~\`--prior-motion\` livecap-prior"; do
     read -r title name <<<"$row"
     echo "| ${title//\~/ } | {$name.json surface RVIoU 4} | {$name.as-is.json surface AMVIoU 4}" \
       "| {$name.json surface GLE_mm 0} | {$name.json surface MPJPE_mm 0} |"

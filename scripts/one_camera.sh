@@ -57,29 +57,28 @@ heading() {
 # part NAME TITLE [KEY=VALUE ...]: a row for the training sequences, with changed keys
 part() {
   as_options "${@:3}"
-  tracked "$1" train --config configs/track/blazepose.yaml "${options[@]}"
+  tracked "$1" train "${options[@]}"
   row "$2" "$1"
 }
 
-blazepose=(--config configs/track/blazepose.yaml)
+tracked unknown test --set joints.weight=91
 tracked default test
-tracked blazepose test "${blazepose[@]}"
-tracked prior test "${blazepose[@]}" --prior-motion "$motion"
+tracked prior test --prior-motion "$motion"
 {
   heading "test frames"
+  row "joints trusted as those of an unknown network (\`joints.weight=91\`)" unknown
   row "defaults" default
-  row "\`configs/track/blazepose.yaml\`" blazepose
   row "and \`--prior-motion\` of the training takes" prior
 } | write_table one-camera "scripts/one_camera.sh CAPTURE"
 {
   heading "training frames"
-  part all "\`configs/track/blazepose.yaml\`"
+  part all defaults
   part no-filter "without the filter of the motion (\`motion.turn=0\`, \`temporal.weight=1.5\`, \`steady.weight=3000\`)" \
     motion.turn=0 temporal.weight=1.5 steady.weight=3000
   part no-floor "without the floor (\`floor.weight=0\`)" floor.weight=0
   part no-level "silhouette not levelled (\`silhouette.level=false\`)" silhouette.level=false
   part no-carry "last surfaces in the world (\`surface.carry=false\`)" surface.carry=false
   part no-template "without the skinned template as a target (\`surface.skinned.weight=0\`)" surface.skinned.weight=0
-  part thesis "weights of the thesis (\`joints.weight=28\`, \`silhouette.weight=200\`, \`prior.weight=500\`)" \
-    joints.weight=28 silhouette.weight=200 prior.weight=500
+  part thesis "weights of the thesis (\`joints.weight=853\`: 28 a joint, \`silhouette.weight=200\`, \`prior.weight=500\`)" \
+    joints.weight=853 silhouette.weight=200 prior.weight=500
 } | write_table one-camera-parts "scripts/one_camera.sh CAPTURE"

@@ -68,6 +68,7 @@ std::map<long, std::vector<JointDetection>> read_joint_detections(const std::fil
                                                                   const PointLayout& layout) {
   const PointLayout& own = layout_of(csv, layout);
   const std::vector<int> indices = indices_in(own, layout);
+  const double noise = own.name.starts_with("mediapipe") ? kBlazePoseJointNoise : kJointNoise;
   TextReader reader(csv, "a table of joints in space", Separator::comma);
   reader.require_header(kHeader);
   std::map<long, std::vector<JointDetection>> frames;
@@ -78,7 +79,7 @@ std::map<long, std::vector<JointDetection>> read_joint_detections(const std::fil
     if (index < 0) continue;
     if (joints[index].seen) reader.fail_here("the point '{}' of frame {} is given twice", layout.points[index], frame);
     const Eigen::Vector3d millimetres(reader.number(3, "x"), reader.number(4, "y"), reader.number(5, "z"));
-    joints[index] = {kMillimetre * millimetres, true};
+    joints[index] = {kMillimetre * millimetres, true, noise};
     if (joints[index].position.norm() > kMaxDistance)
       reader.fail_here("the point '{}' is {:.4g} m from the body's root; millimetres relative to it are expected",
                        layout.points[index], joints[index].position.norm());

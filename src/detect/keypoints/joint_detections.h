@@ -17,7 +17,7 @@ bool is_joint_table(const std::filesystem::path& path);
 /// one that fits every row (a table of `doppel detect` beside the keypoints of another detector). Points are then found
 /// by their names, and those that the given layout does not have are left out.
 /// @return by video frame, [n] in the order of the given layout; frames and points that are not in the table are not
-/// seen
+/// seen; the noise is that of BlazePose for a table in one of its layouts
 /// @throws FileError (file:line): another header, an index or a name that the layout does not have, an index and a name
 /// of different points, a point given twice or farther than 10 m from the root, an invalid number, no rows
 std::map<long, std::vector<JointDetection>> read_joint_detections(const std::filesystem::path& csv,

@@ -20,10 +20,17 @@ inline constexpr float kSeenConfidence = 0.4f;
 using Person = std::vector<Keypoint>;
 using People = std::vector<Person>;
 
+/// The error of a 3D joint of an unknown network, metres (4.4: a network that was trained for 3D joints).
+inline constexpr double kJointNoise = 0.025;
+/// The error of BlazePose's joints in space, metres: the mean distance from the landmarks of the fit to four cameras on
+/// the filmed person of docs/results/filmed.md (1,800 images), both from their means.
+inline constexpr double kBlazePoseJointNoise = 0.138;
+
 /// A 3D joint as estimated by a network from one image.
 struct JointDetection {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< metres, camera axes, relative to the body's root (mid-hip)
   bool seen = false;                                   ///< false: the network gives no estimate
+  double noise = kJointNoise;                          ///< standard deviation of the position, metres
 };
 
 /// The points that a detector writes, in its order.

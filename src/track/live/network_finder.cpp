@@ -19,7 +19,7 @@ NetworkPerson person_of(const BodyPose& pose) {
     const BodyLandmark& point = pose.landmarks[i];
     person.push_back(
         {static_cast<float>(point.x), static_cast<float>(point.y), static_cast<float>(landmark_confidence(pose, i))});
-    found.joints.push_back({pose.world[i] - root, true});
+    found.joints.push_back({pose.world[i] - root, true, kBlazePoseJointNoise});
   }
   found.people.push_back(std::move(person));
   found.mask = pose.mask;

@@ -76,8 +76,9 @@ LivecapOptions::LivecapOptions() {
 
 /// The input of the terms of one frame.
 struct LivecapTracker::Evidence {
-  FrameEvidence frame;  ///< [1]
-  Points joints;        ///< [M] world axes, with the body's bone lengths
+  FrameEvidence frame;                ///< [1]
+  Points joints;                      ///< [M] world axes, with the body's bone lengths
+  std::vector<double> joint_weights;  ///< [M] relative to `LivecapOptions::joint_weight`
 };
 
 struct LivecapTracker::Fit {
@@ -139,10 +140,12 @@ void LivecapTracker::deform_template(std::vector<Eigen::Vector3d> rest_vertices)
 
 FrameResult LivecapTracker::track(const LivecapInput& input) {
   const auto start = Clock::now();
-  Evidence evidence{{input.view}, {}};
-  for (const auto& joint : input.joints)
-    evidence.joints.push_back(joint ? std::optional<Eigen::Vector3d>(cameras_.front().R.transpose() * *joint)
-                                    : std::nullopt);
+  Evidence evidence{{input.view}, {}, {}};
+  for (const JointDetection& joint : input.joints) {
+    evidence.joints.push_back(
+        joint.seen ? std::optional<Eigen::Vector3d>(cameras_.front().R.transpose() * joint.position) : std::nullopt);
+    evidence.joint_weights.push_back(std::pow(kJointNoise / joint.noise, 2));
+  }
   if (options_.joint_weight == 0.0) evidence.joints.clear();
   if (!evidence.joints.empty())
     evidence.joints =
@@ -214,7 +217,7 @@ Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>*
         KeypointConfidence{!o.ignore_confidence, o.min_confidence}));
   std::vector<PointTerm::Target> joints;
   for (std::size_t m = 0; m < evidence.joints.size(); ++m)
-    if (evidence.joints[m]) joints.push_back({static_cast<int>(m), *evidence.joints[m], 1.0});
+    if (evidence.joints[m]) joints.push_back({static_cast<int>(m), *evidence.joints[m], evidence.joint_weights[m]});
   if (!joints.empty())
     result.push_back(std::make_unique<RelativePointTerm>("joints", std::move(joints), o.joint_weight));
   if (o.limit_weight > 0.0) result.push_back(std::make_unique<LimitTerm>(o.limit_weight));

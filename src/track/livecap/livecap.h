@@ -40,7 +40,9 @@ struct LivecapOptions : PoseFitOptions {
   bool own_distance = true;
   bool ignore_confidence = false;           ///< keypoints of E_2D (4.3) count equally; false: by their confidence
   double min_confidence = kSeenConfidence;  ///< keypoints with a lower one do not count in E_2D
-  double joint_weight = per_squared_millimetre(3.0);  ///< lambda_3D, per squared metre; 0: no 3D joints
+  /// lambda_3D, per squared metre, of joints with the noise `kJointNoise`; others by the inverse of their variance.
+  /// 0: no 3D joints
+  double joint_weight = per_squared_millimetre(3.0);
   MotionOptions motion;
   /// [F][D] Poses that the person usually takes, for example those of the studio; empty: none are known. Their mean
   /// replaces the rest pose, in DoFs that are not unknown too.
@@ -61,8 +63,8 @@ struct LivecapOptions : PoseFitOptions {
 /// The evidence of one frame.
 struct LivecapInput {
   ViewEvidence view;
-  std::vector<std::optional<Eigen::Vector3d>> joints;  ///< [M] camera axes, from any origin, metres; may be empty
-  cv::Mat image;                                       ///< 8-bit BGR, without distortion; may be empty
+  std::vector<JointDetection> joints;  ///< [M] from any origin; may be empty
+  cv::Mat image;                       ///< 8-bit BGR, without distortion; may be empty
 };
 
 class LivecapTracker {

@@ -7,11 +7,8 @@ namespace doppel {
 
 /// The input of the one-camera tracker from a frame.
 inline LivecapInput livecap_input(const FootageFrame& seen) {
-  LivecapInput input{seen.evidence.front(), {}, seen.images.front()};
-  if (seen.joints.empty()) return input;
-  for (const JointDetection& joint : seen.joints.front())
-    input.joints.push_back(joint.seen ? std::optional<Eigen::Vector3d>(joint.position) : std::nullopt);
-  return input;
+  return {seen.evidence.front(), seen.joints.empty() ? std::vector<JointDetection>() : seen.joints.front(),
+          seen.images.front()};
 }
 
 }  // namespace doppel

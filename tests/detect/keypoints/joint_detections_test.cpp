@@ -44,6 +44,7 @@ TEST(JointDetectionsReference, AreMetresByFrameAndPoint) {
     EXPECT_TRUE(joints[0].position.isApprox(Eigen::Vector3d(0.0996, -0.7652, -0.3611)));
     EXPECT_TRUE(joints[0].seen && joints[2].seen && joints[3].seen);
     EXPECT_FALSE(joints[1].seen);
+    EXPECT_EQ(joints[0].noise, kJointNoise);
     EXPECT_FALSE(frames.at(23)[0].seen);
   }
 }
@@ -62,16 +63,19 @@ TEST(JointDetectionsReference, OfAnotherDetectorAreFoundByName) {
   EXPECT_FALSE(joints[1].seen);
   EXPECT_TRUE(joints[2].position.isApprox(Eigen::Vector3d(-0.11, 0.004, 0.0205)));
   EXPECT_TRUE(joints[3].position.isApprox(Eigen::Vector3d(0.13, 0.006, -0.0105)));
+  EXPECT_EQ(joints[0].noise, kBlazePoseJointNoise);
 }
 
 TEST(JointDetectionsReference, GoOntoLandmarksLikeKeypoints) {
   KeypointMap map{kLayout, {{"Nose", {0}}, {"MidHip", {2, 3}}, {"Tail", {}}, {"Neck", {1}}}};
   const LandmarkPicker picker(map, {{"MidHip", 0, {}}, {"Tail", 0, {}}, {"Nose", 0, {}}, {"Neck", 0, {}}});
-  const auto frames = read(kTable);
+  auto frames = read(kTable);
+  for (JointDetection& joint : frames.at(20)) joint.noise = 0.07;
   const std::vector<JointDetection> landmarks = picker.pick(frames.at(20));
   ASSERT_EQ(landmarks.size(), 4u);
   EXPECT_TRUE(landmarks[0].seen);
   EXPECT_TRUE(landmarks[0].position.isApprox(Eigen::Vector3d(0.01, 0.005, 0.005)));
+  EXPECT_EQ(landmarks[0].noise, 0.07);
   EXPECT_FALSE(landmarks[1].seen);
   EXPECT_TRUE(landmarks[2].seen);
   EXPECT_FALSE(landmarks[3].seen);

@@ -56,7 +56,7 @@ struct Scene {
     const PosedBody body = model.pose(pose, false);
     const Vector3d origin = model.landmark(body, 0);
     for (int m = 0; m < model.num_landmarks(); ++m)
-      input.joints.emplace_back(camera.R * (model.landmark(body, m) - origin));
+      input.joints.push_back({camera.R * (model.landmark(body, m) - origin), true});
     return input;
   }
   double joint_error(const std::vector<double>& a, const std::vector<double>& b) const {
@@ -124,7 +124,7 @@ LivecapInput with_poor_detections(LivecapInput input, test_character::Noise& noi
     const double chance = 0.5 + 0.5 * noise.next();
     if (chance < 0.3) {
       input.view.keypoints[m] = {};
-      input.joints[m].reset();
+      input.joints[m].seen = false;
     } else if (chance < 0.35) {
       input.view.keypoints[m].x += 150.0f;
     }
@@ -173,7 +173,7 @@ TEST(Livecap, AnArmThatWasHiddenIsFoundAgain) {
     LivecapInput input = scene.see(scene.ground_truth(frame));
     for (std::size_t m = 6; m < 10 && frame >= 5 && frame < 20; ++m) {  // the last two segments
       input.view.keypoints[m] = {};
-      input.joints[m].reset();
+      input.joints[m].seen = false;
     }
     found = tracker.track(input);
     EXPECT_TRUE(found.pose.found()) << "frame " << frame;
@@ -240,6 +240,25 @@ TEST(Livecap, WorksWithoutJointsInSpace) {
   }
   EXPECT_LT(found.pose.keypoint_error, 4.0);
   for (const TermCost& term : found.pose.terms) EXPECT_NE(term.name, "joints");
+}
+
+/// Joints of which every second one is 15 cm too far away.
+TEST(Livecap, JointsCountByTheirNoise) {
+  const Scene scene;
+  const auto error_with = [&](double noise) {
+    LivecapTracker tracker = scene.tracker();
+    double error = 0.0;
+    for (int frame = 0; frame < 8; ++frame) {
+      LivecapInput input = scene.see(scene.ground_truth(frame));
+      for (std::size_t m = 0; m < input.joints.size(); ++m) {
+        input.joints[m].position.z() += m % 2 == 0 ? 0.15 : 0.0;
+        input.joints[m].noise = noise;
+      }
+      error = scene.joint_error(tracker.track(input).pose.dofs, scene.ground_truth(frame));
+    }
+    return error;
+  };
+  EXPECT_LT(error_with(0.15), 0.5 * error_with(kJointNoise));
 }
 
 TEST(Livecap, WorksWithoutTheTermOfKeypoints) {
