@@ -5,9 +5,10 @@
 #   scripts/filmed.sh RECORDING CAMERAS [FOLDER]     default: the folder filmed; resumes after an interruption
 # RECORDING holds videos and a calibration; CAMERAS are the names of its cameras, separated by commas. LEFT_OUT="5 13"
 # leaves out these cameras alone. SHARE=1 (the default) of the recipe's steps are made. SEEDS=1 (the default here).
+# With LEFT_OUT_OF=networks, body and poses are made from all cameras, and the networks alone are trained without one.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-[ $# -ge 2 ] || { sed -n '2,8s/^# //p' "$0" >&2; exit 2; }
+[ $# -ge 2 ] || { sed -n '2,9s/^# //p' "$0" >&2; exit 2; }
 recording="$1" cameras="$2" folder="${3:-filmed}"
 export SEEDS="${SEEDS:-1}"
 source scripts/figures.sh
@@ -15,6 +16,9 @@ unset OMP_NUM_THREADS
 mkdir -p "$folder"
 read -ra all <<<"${cameras//,/ }"
 read -ra left_out <<<"${LEFT_OUT:-${all[*]}}"
+left_out_of="${LEFT_OUT_OF:-everything}"
+[[ $left_out_of =~ ^(everything|networks)$ ]] ||
+  { echo "LEFT_OUT_OF is \"$left_out_of\"; everything or networks is allowed" >&2; exit 2; }
 
 # without CAMERA: the names of the other cameras
 without() { printf '%s\n' "${all[@]}" | grep -vx -- "$1" | paste -sd,; }
@@ -22,17 +26,25 @@ without() { printf '%s\n' "${all[@]}" | grep -vx -- "$1" | paste -sd,; }
 once described.yaml capture init "$recording" --out "$folder/described.yaml"
 once detected/capture.yaml detect "$folder/described.yaml" --masks --out "$folder/detected"
 
-# actor CAMERA: everything without this camera
-actor() {
-  local out="$folder/$1" here="$1" others options seed
-  others="$(without "$1")"
-  follow "$here" --cameras "$others"
-  local from
+# body PART CAMERAS: body, poses and their refinement from these cameras, prepared with the images of all cameras
+body() {
+  local out="$folder/$1" from
+  follow "$1" --cameras "$2"
   for from in tracked refined; do
-    once "$here/$from.yaml" capture amend "$out/$from" --cameras "$cameras" --out "$out/$from.yaml"
-    once "$here/$from-prepared/capture.yaml" prepare "$out/$from.yaml" --mask-size 700 --image-size 512 \
+    once "$1/$from.yaml" capture amend "$out/$from" --cameras "$cameras" --out "$out/$from.yaml"
+    once "$1/$from-prepared/capture.yaml" prepare "$out/$from.yaml" --mask-size 700 --image-size 512 \
       --out "$out/$from-prepared"
   done
+}
+
+# actor CAMERA: an actor that was trained without this camera
+actor() {
+  local camera="$1" others options seed
+  others="$(without "$camera")"
+  local made="$camera" here="$camera" from="$others"
+  [ "$left_out_of" = everything ] || { made=all here="all/$camera" from="$cameras" && mkdir -p "$folder/$here"; }
+  body "$made" "$from"
+  local out="$folder/$made"
   # The losses and the texture are those of kFilmSettings in tools/make_recipe.cpp.
   for seed in "${seeds[@]}"; do
     as_options seed="$seed" capture="$out/refined-prepared" {egnet,lighting,deltanet,texnet}.data.cameras="[$others]" \
@@ -40,18 +52,23 @@ actor() {
       deltanet.train.iterations="$(steps 700)" texnet.train.iterations="$(steps 2500)" \
       egnet.loss.anchor=1e7 egnet.loss.arap=1500 texnet.model.size=256 texnet.model.detail=4
     train "$here/run-$seed" configs/small/ddc.yaml "${options[@]}"
-    as_options seed="$seed" capture="$out/refined-prepared" ddc="$out/run-$seed" gaussians.data.cameras="[$others]" \
+    as_options seed="$seed" capture="$out/refined-prepared" ddc="$folder/$here/run-$seed" gaussians.data.cameras="[$others]" \
       gaussians.model.network=false gaussians.train.iterations=600
     train "$here/gaussians-$seed" configs/small/gaussians.yaml "${options[@]}"
-    evaluate "$here/gaussians-$seed" "$here.new-$seed" --split test --every 4 --cameras "$here"
+    evaluate "$here/gaussians-$seed" "$here.new-$seed" --split test --every 4 --cameras "$camera"
     evaluate "$here/gaussians-$seed" "$here.trained-$seed" --split test --every 4 --cameras "$others"
   done
-  [ -f "$out.before.json" ] || "$doppel" evaluate --capture "$out/tracked-prepared" --split test --every 4 \
-    --cameras "$here" --json >"$out.before.json"
+  [ -f "$folder/$here.before.json" ] || "$doppel" evaluate --capture "$out/tracked-prepared" --split test --every 4 \
+    --cameras "$camera" --json >"$folder/$here.before.json"
 }
 for camera in "${left_out[@]}"; do actor "$camera"; done
 
 list="[$(IFS=,; echo "${left_out[*]}")]"
+if [ "$left_out_of" = networks ]; then
+  list="all/$list" made=(all)
+else
+  made=("${left_out[@]}")
+fi
 {
   echo "| test frames | left-out camera | training cameras |"
   echo "|---|---:|---:|"
@@ -66,9 +83,9 @@ list="[$(IFS=,; echo "${left_out[*]}")]"
     done
   done
   echo
-  echo "| left-out camera | keypoints of the training frames, px: tracked | refined |"
+  echo "| body and poses | keypoints of the training frames, px: tracked | refined |"
   echo "|---|---:|---:|"
-  for camera in "${left_out[@]}"; do
-    echo "| $camera | {$camera/tracked/track.json keypoint_error_px 2} | {$camera/refined/track.json keypoint_error_px 2} |"
+  for part in "${made[@]}"; do
+    echo "| \`$part\` | {$part/tracked/track.json keypoint_error_px 2} | {$part/refined/track.json keypoint_error_px 2} |"
   done
 } | write_table filmed "scripts/filmed.sh RECORDING $cameras"
