@@ -1,11 +1,13 @@
-"""Sets the corrective shapes of a file of `doppel animate --format engine-glb` in Blender, for any motion of its bones.
+"""Moves the clothes of a file of `doppel animate --format engine-glb` in Blender, for any motion of its bones: by the
+weights of its corrective shapes, or with --helpers N by its helper joints.
 
     blender --background --python examples/blender_correctives.py -- engine.glb OUT.blend
 
-imports the file, computes the weights of the shape keys for each frame of the scene from the bones, inserts them as
-keys, and prints how far they are from those of the animation in the file. In a scene of yours, after you imported the
-file and animated its armature: run this script in the text editor, then
+imports the file, computes weights or helpers for each frame of the scene from the bones, inserts them as keys, and
+prints how far they are from those of the animation in the file. In a scene of yours, after you imported the file and
+animated its armature: run this script in the text editor, then
 `bake(bpy.data.objects["FIGURE"], read_function("engine.glb"))`. The scene is in metres. docs/animate.md has the formula.
+The keys of helpers in the file are nearer to the actor than the function, so the clips of such a file need no `bake`.
 """
 import json
 import os
@@ -37,29 +39,46 @@ def read_function(path):
         width = WIDTHS[accessor["type"]]
         return np.frombuffer(data, TYPES[accessor["componentType"]], accessor["count"] * width, start).reshape(-1, width)
 
-    function = dict(gltf["meshes"][0].get("extras", {}).get("correctives", {}))
+    extras = gltf["meshes"][0].get("extras", {})
+    function = dict(extras.get("correctives") or extras.get("helpers") or {})
     if function.get("version") != 1:
-        sys.exit(f"{path} holds no correctives of version 1; write it with `doppel animate --format engine-glb`")
-    for name in ("mean", "scale", "linear", "offset", "hidden", "hiddenOffset", "output"):
+        sys.exit(f"{path} holds no correctives or helpers of version 1; write it with `doppel animate --format engine-glb`")
+    limits = ("low", "high") if "helpers" in extras else ()
+    for name in ("mean", "scale", "linear", "offset", "hidden", "hiddenOffset", "output", *limits):
         function[name] = array(function[name]).ravel().astype(float)
     for matrix, rows in (("linear", "offset"), ("hidden", "hiddenOffset"), ("output", "offset")):
         function[matrix] = function[matrix].reshape(len(function[rows]), -1)
     function["rest"] = array(function["rest"]).astype(float)
     skin = gltf["skins"][0]
-    function["bones"] = [gltf["nodes"][node]["name"] for node in skin["joints"]]
+    names = [gltf["nodes"][node]["name"] for node in skin["joints"]]
+    bones = len(function["parents"])
+    function["bones"], function["helpers"] = names[:bones], names[bones:]
     inverse = array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
-    function["bind"] = np.linalg.inv(inverse.astype(float))
+    function["bind"] = dict(zip(names, np.linalg.inv(inverse.astype(float))))
     return function
 
 
-def bone_matrices(armature, function):
+def joint_matrices(armature, function, names):
     """[B, 4, 4] bones to world in the axes of glTF. Blender turns the axes of bones, but moves vertices alike."""
     world, matrices = np.array(armature.matrix_world), []
-    for name, bind in zip(function["bones"], function["bind"]):
+    for name in names:
         bone = armature.pose.bones[name]
         moved = world @ np.array(bone.matrix) @ np.linalg.inv(np.array(bone.bone.matrix_local))
-        matrices.append(TO_BLENDER.T @ moved @ TO_BLENDER @ bind)
+        matrices.append(TO_BLENDER.T @ moved @ TO_BLENDER @ function["bind"][name])
     return np.array(matrices)
+
+
+def place(armature, function, name, matrix):
+    """Moves a joint to a matrix of `joint_matrices`."""
+    bone = armature.pose.bones[name]
+    moved = TO_BLENDER @ matrix @ np.linalg.inv(function["bind"][name]) @ TO_BLENDER.T
+    bone.matrix = Matrix((np.linalg.inv(np.array(armature.matrix_world)) @ moved @ np.array(bone.bone.matrix_local)).tolist())
+
+
+def rotation(v):
+    """The matrix of a rotation vector, axis times angle."""
+    angle = np.linalg.norm(v)
+    return np.array(Matrix.Rotation(angle, 3, v / angle if angle > 0 else (1, 0, 0)))
 
 
 def quaternion(matrix):
@@ -81,8 +100,8 @@ def vector(q):
     return (-2 if q[3] < 0 else 2) * q[:3]
 
 
-class Weights:
-    """The weights of the shapes from frame to frame."""
+class BoneFunction:
+    """The numbers from 0 to 1 of the function, from frame to frame."""
 
     def __init__(self, function):
         self.function, self.history = function, []  # (seconds, rotations, positions)
@@ -126,28 +145,53 @@ class Weights:
         return np.clip(f["offset"] + f["linear"] @ z + f["output"] @ inner, 0, 1)
 
 
-def bake(figure, function):
-    """Inserts keys of the shapes for each frame of the scene. Returns the weights [frames, K - 1]."""
-    scene = bpy.context.scene
-    armature = next(m.object for m in figure.modifiers if m.type == "ARMATURE")
+def set_shapes(figure, weights, frame):
     blocks = figure.data.shape_keys.key_blocks
-    figure.data.shape_keys.animation_data_clear()
-    state, found = Weights(function), []
+    for k, weight in enumerate([1.0, *weights]):
+        blocks[k + 1].value = weight  # block 0 is the shape at rest
+        blocks[k + 1].keyframe_insert("value", frame=frame)
+
+
+def set_helpers(armature, function, shares, bones, frame):
+    numbers = function["low"] + shares * (function["high"] - function["low"])
+    for name, helper in zip(function["helpers"], numbers.reshape(-1, 6)):
+        bone, local = armature.pose.bones[name], np.eye(4)
+        local[:3, 3], local[:3, :3] = helper[:3], rotation(helper[3:])
+        place(armature, function, name, bones[function["bones"].index(bone.parent.name)] @ local)
+        for path in ("location", "rotation_quaternion"):
+            bone.keyframe_insert(path, frame=frame)
+
+
+def bake(figure, function):
+    """Inserts keys of the shapes or of the helpers for each frame of the scene."""
+    scene = bpy.context.scene
+    armature = armature_of(figure)
+    if not function["helpers"]:
+        figure.data.shape_keys.animation_data_clear()
+    state = BoneFunction(function)
     for frame in range(scene.frame_start, scene.frame_end + 1):
         scene.frame_set(frame)
-        found.append(state.update(frame * scene.render.fps_base / scene.render.fps, bone_matrices(armature, function)))
-        for k, weight in enumerate([1.0, *found[-1]]):
-            blocks[k + 1].value = weight  # block 0 is the shape at rest
-            blocks[k + 1].keyframe_insert("value", frame=frame)
-    return np.array(found)
+        bones = joint_matrices(armature, function, function["bones"])
+        numbers = state.update(frame * scene.render.fps_base / scene.render.fps, bones)
+        if function["helpers"]:
+            set_helpers(armature, function, numbers, bones, frame)
+        else:
+            set_shapes(figure, numbers, frame)
 
 
-def stored_weights(figure):
-    """The weights in the animation of the file, for each frame of the scene."""
+def armature_of(figure):
+    return next(modifier.object for modifier in figure.modifiers if modifier.type == "ARMATURE")
+
+
+def keys(figure, function):
+    """For each frame of the scene the weights of the shapes, or the positions of the helpers in millimetres."""
     scene, found = bpy.context.scene, []
     for frame in range(scene.frame_start, scene.frame_end + 1):
         scene.frame_set(frame)
-        found.append([block.value for block in figure.data.shape_keys.key_blocks[2:]])
+        if function["helpers"]:
+            found.append(1000 * joint_matrices(armature_of(figure), function, function["helpers"])[:, :3, 3])
+        else:
+            found.append([block.value for block in figure.data.shape_keys.key_blocks[2:]])
     return np.array(found)
 
 
@@ -155,16 +199,19 @@ def main(source, target):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.context.scene.render.fps = 25
     bpy.ops.import_scene.gltf(filepath=source, merge_vertices=False)
-    figure = next(item for item in bpy.data.objects if item.type == "MESH" and item.data.shape_keys)
+    function = read_function(source)
+    figure = next(item for item in bpy.data.objects if item.type == "MESH" and item.vertex_groups)
     scene = bpy.context.scene
     actions = [action.frame_range for action in bpy.data.actions]
     scene.frame_start = int(min(start for start, _ in actions))
     scene.frame_end = int(max(end for _, end in actions))
-    stored = stored_weights(figure)
-    off = np.abs(bake(figure, read_function(source)) - stored)
+    stored = keys(figure, function)
+    bake(figure, function)
+    off = np.abs(keys(figure, function) - stored)
     bpy.ops.wm.save_as_mainfile(filepath=os.path.abspath(target))
-    print(f"{len(stored)} frames, {stored.shape[1]} shapes: weights differ from those of the file by {off.mean():.4f} "
-          f"on average, {off.max():.4f} at most")
+    what = "positions of helpers, in millimetres," if function["helpers"] else "weights"
+    print(f"{len(stored)} frames, {stored.shape[1]} {'helpers' if function['helpers'] else 'shapes'}: {what} differ from "
+          f"those of the file by {off.mean():.4f} on average, {off.max():.4f} at most")
 
 
 if __name__ == "__main__" and "--" in sys.argv:
