@@ -203,8 +203,8 @@ def main(source, target):
     figure = next(item for item in bpy.data.objects if item.type == "MESH" and item.vertex_groups)
     scene = bpy.context.scene
     actions = [action.frame_range for action in bpy.data.actions]
-    scene.frame_start = int(min(start for start, _ in actions))
-    scene.frame_end = int(max(end for _, end in actions))
+    scene.frame_start = round(min(start for start, _ in actions))
+    scene.frame_end = round(max(end for _, end in actions))
     stored = keys(figure, function)
     bake(figure, function)
     off = np.abs(keys(figure, function) - stored)
