@@ -42,7 +42,8 @@ def read_function(path):
     extras = gltf["meshes"][0].get("extras", {})
     function = dict(extras.get("correctives") or extras.get("helpers") or {})
     if function.get("version") != 1:
-        sys.exit(f"{path} holds no correctives or helpers of version 1; write it with `doppel animate --format engine-glb`")
+        sys.exit(f"{path} holds no correctives or helpers of version 1; write it with `doppel animate --format "
+                 "engine-glb`")
     limits = ("low", "high") if "helpers" in extras else ()
     for name in ("mean", "scale", "linear", "offset", "hidden", "hiddenOffset", "output", *limits):
         function[name] = array(function[name]).ravel().astype(float)
@@ -68,11 +69,12 @@ def joint_matrices(armature, function, names):
     return np.array(matrices)
 
 
-def place(armature, function, name, matrix):
+def move_joint(armature, function, name, matrix):
     """Moves a joint to a matrix of `joint_matrices`."""
     bone = armature.pose.bones[name]
     moved = TO_BLENDER @ matrix @ np.linalg.inv(function["bind"][name]) @ TO_BLENDER.T
-    bone.matrix = Matrix((np.linalg.inv(np.array(armature.matrix_world)) @ moved @ np.array(bone.bone.matrix_local)).tolist())
+    in_armature = np.linalg.inv(np.array(armature.matrix_world)) @ moved @ np.array(bone.bone.matrix_local)
+    bone.matrix = Matrix(in_armature.tolist())
 
 
 def rotation(v):
@@ -157,7 +159,7 @@ def set_helpers(armature, function, shares, bones, frame):
     for name, helper in zip(function["helpers"], numbers.reshape(-1, 6)):
         bone, local = armature.pose.bones[name], np.eye(4)
         local[:3, 3], local[:3, :3] = helper[:3], rotation(helper[3:])
-        place(armature, function, name, bones[function["bones"].index(bone.parent.name)] @ local)
+        move_joint(armature, function, name, bones[function["bones"].index(bone.parent.name)] @ local)
         for path in ("location", "rotation_quaternion"):
             bone.keyframe_insert(path, frame=frame)
 
@@ -209,9 +211,9 @@ def main(source, target):
     bake(figure, function)
     off = np.abs(keys(figure, function) - stored)
     bpy.ops.wm.save_as_mainfile(filepath=os.path.abspath(target))
-    what = "positions of helpers, in millimetres," if function["helpers"] else "weights"
-    print(f"{len(stored)} frames, {stored.shape[1]} {'helpers' if function['helpers'] else 'shapes'}: {what} differ from "
-          f"those of the file by {off.mean():.4f} on average, {off.max():.4f} at most")
+    what = "helpers: positions in millimetres" if function["helpers"] else "shapes: weights"
+    print(f"{len(stored)} frames, {stored.shape[1]} {what} differ from those of the file by {off.mean():.4f} on average, "
+          f"{off.max():.4f} at most")
 
 
 if __name__ == "__main__" and "--" in sys.argv:
