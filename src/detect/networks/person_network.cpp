@@ -180,6 +180,7 @@ PersonNetwork::PersonNetwork(const PersonNetworkOptions& options, int points)
     : impl_(std::make_unique<Impl>(options, points)) {}
 PersonNetwork::~PersonNetwork() = default;
 PersonNetwork::PersonNetwork(PersonNetwork&&) noexcept = default;
+PersonNetwork& PersonNetwork::operator=(PersonNetwork&&) noexcept = default;
 
 std::optional<PersonFinding> PersonNetwork::find(const cv::Mat& image) {
   require_image(image);

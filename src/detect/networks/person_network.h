@@ -29,6 +29,7 @@ class PersonNetwork {
   PersonNetwork(const PersonNetwork&) = delete;
   PersonNetwork& operator=(const PersonNetwork&) = delete;
   PersonNetwork(PersonNetwork&&) noexcept;
+  PersonNetwork& operator=(PersonNetwork&&) noexcept;
 
   /// @param image 8-bit BGR
   /// @return nothing when no point is seen (without points: when the mask is empty)
