@@ -44,8 +44,8 @@ def read_function(path):
     if function.get("version") != 1:
         sys.exit(f"{path} holds no correctives or helpers of version 1; write it with `doppel animate --format "
                  "engine-glb`")
-    limits = ("low", "high") if "helpers" in extras else ()
-    for name in ("mean", "scale", "linear", "offset", "hidden", "hiddenOffset", "output", *limits):
+    ranges = ("low", "high") if "helpers" in extras else ()
+    for name in ("mean", "scale", "linear", "offset", "hidden", "hiddenOffset", "output", *ranges):
         function[name] = array(function[name]).ravel().astype(float)
     for matrix, rows in (("linear", "offset"), ("hidden", "hiddenOffset"), ("output", "offset")):
         function[matrix] = function[matrix].reshape(len(function[rows]), -1)
@@ -60,7 +60,7 @@ def read_function(path):
 
 
 def joint_matrices(armature, function, names):
-    """[B, 4, 4] bones to world in the axes of glTF. Blender turns the axes of bones, but moves vertices alike."""
+    """[J, 4, 4] joints to world in the axes of glTF. Blender turns the axes of bones, but moves vertices alike."""
     world, matrices = np.array(armature.matrix_world), []
     for name in names:
         bone = armature.pose.bones[name]

@@ -41,10 +41,10 @@ body() {
 actor() {
   local camera="$1" others options seed
   others="$(without "$camera")"
-  local made="$camera" here="$camera" from="$others"
-  [ "$left_out_of" = everything ] || { made=all here="all/$camera" from="$cameras" && mkdir -p "$folder/$here"; }
-  body "$made" "$from"
-  local out="$folder/$made"
+  local part="$camera" here="$camera" seen="$others"
+  [ "$left_out_of" = everything ] || { part=all here="all/$camera" seen="$cameras" && mkdir -p "$folder/$here"; }
+  body "$part" "$seen"
+  local out="$folder/$part"
   # The losses and the texture are those of kFilmSettings in tools/make_recipe.cpp.
   for seed in "${seeds[@]}"; do
     as_options seed="$seed" capture="$out/refined-prepared" {egnet,lighting,deltanet,texnet}.data.cameras="[$others]" \
@@ -52,8 +52,8 @@ actor() {
       deltanet.train.iterations="$(steps 700)" texnet.train.iterations="$(steps 2500)" \
       egnet.loss.anchor=1e7 egnet.loss.arap=1500 texnet.model.size=256 texnet.model.detail=4
     train "$here/run-$seed" configs/small/ddc.yaml "${options[@]}"
-    as_options seed="$seed" capture="$out/refined-prepared" ddc="$folder/$here/run-$seed" gaussians.data.cameras="[$others]" \
-      gaussians.model.network=false gaussians.train.iterations=600
+    as_options seed="$seed" capture="$out/refined-prepared" ddc="$folder/$here/run-$seed" \
+      gaussians.data.cameras="[$others]" gaussians.model.network=false gaussians.train.iterations=600
     train "$here/gaussians-$seed" configs/small/gaussians.yaml "${options[@]}"
     evaluate "$here/gaussians-$seed" "$here.new-$seed" --split test --every 4 --cameras "$camera"
     evaluate "$here/gaussians-$seed" "$here.trained-$seed" --split test --every 4 --cameras "$others"
@@ -65,9 +65,9 @@ for camera in "${left_out[@]}"; do actor "$camera"; done
 
 list="[$(IFS=,; echo "${left_out[*]}")]"
 if [ "$left_out_of" = networks ]; then
-  list="all/$list" made=(all)
+  list="all/$list" parts=(all)
 else
-  made=("${left_out[@]}")
+  parts=("${left_out[@]}")
 fi
 {
   echo "| test frames | left-out camera | training cameras |"
@@ -85,7 +85,7 @@ fi
   echo
   echo "| body and poses | keypoints of the training frames, px: tracked | refined |"
   echo "|---|---:|---:|"
-  for part in "${made[@]}"; do
+  for part in "${parts[@]}"; do
     echo "| \`$part\` | {$part/tracked/track.json keypoint_error_px 2} | {$part/refined/track.json keypoint_error_px 2} |"
   done
 } | write_table filmed "scripts/filmed.sh RECORDING $cameras"

@@ -210,7 +210,7 @@ std::vector<JointDetection> LandmarkPicker::pick(const std::vector<JointDetectio
       const JointDetection& joint = joints.at(as_size(number));
       middle.position += joint.position / static_cast<double>(points.size());
       middle.seen = middle.seen && joint.seen;
-      middle.noise = joint.noise;  // the errors of one network are alike, so a mean does not lower them
+      middle.noise = joint.noise;  // a mean of points does not lower the network's error, which neighbours share
     }
     landmarks.push_back(middle.seen ? middle : JointDetection());
   }

@@ -20,17 +20,18 @@ inline constexpr float kSeenConfidence = 0.4f;
 using Person = std::vector<Keypoint>;
 using People = std::vector<Person>;
 
-/// The error of a 3D joint of an unknown network, metres (4.4: a network that was trained for 3D joints).
+/// The error of the 3D joints of a network of which no more is known, metres. The default weight of the joints in
+/// LiveCap (4.4) was chosen for joints with this error.
 inline constexpr double kJointNoise = 0.025;
-/// The error of BlazePose's joints in space, metres: the mean distance from the landmarks of the fit to four cameras on
-/// the filmed person of docs/results/filmed.md (1,800 images), both from their means.
+/// The error of BlazePose's 3D joints, metres: their mean distance from the landmarks of a fit to four cameras, both
+/// relative to their means (docs/results/filmed.md, 1,800 images).
 inline constexpr double kBlazePoseJointNoise = 0.138;
 
 /// A 3D joint as estimated by a network from one image.
 struct JointDetection {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< metres, camera axes, relative to the body's root (mid-hip)
   bool seen = false;                                   ///< false: the network gives no estimate
-  double noise = kJointNoise;                          ///< standard deviation of the position, metres
+  double noise = kJointNoise;  ///< the network's error, metres; weights are inverse to its square
 };
 
 /// The points that a detector writes, in its order.

@@ -40,7 +40,7 @@ struct LivecapOptions : PoseFitOptions {
   bool own_distance = true;
   bool ignore_confidence = false;           ///< keypoints of E_2D (4.3) count equally; false: by their confidence
   double min_confidence = kSeenConfidence;  ///< keypoints with a lower one do not count in E_2D
-  /// lambda_3D, per squared metre, of joints with the noise `kJointNoise`; others by the inverse of their variance.
+  /// lambda_3D, per squared metre, of joints with the error `kJointNoise`; inverse to the squared error of others.
   /// 0: no 3D joints
   double joint_weight = per_squared_millimetre(3.0);
   MotionOptions motion;

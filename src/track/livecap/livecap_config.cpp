@@ -84,7 +84,7 @@ void describe_pose(const Keys& keys, LivecapOptions& fit) {
        "subtract from a vertex's distance to the outline of the mask its distance to that of the drawn surface; false: "
        "the first alone, as in 4.5");
   keys("joints.weight", fit.joint_weight, kWeights,
-       "landmarks to 3D joints with 25 mm of noise, per squared millimetre", per_squared_millimetre);
+       "landmarks to 3D joints with an error of 25 mm, per squared millimetre", per_squared_millimetre);
   keys("motion.turn", fit.motion.turn_weight, kWeights,
        "inverse variance of the change of a velocity from frame to frame, per squared radian; 0: no filter");
   keys("motion.shift", fit.motion.shift_weight, between(1e-3, kMaxWeight),
