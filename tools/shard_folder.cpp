@@ -8,7 +8,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/excerpt.h"
-#include "doppel/core/json_depth.h"
+#include "doppel/core/json_bounds.h"
 
 namespace doppel::tools {
 

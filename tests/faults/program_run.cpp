@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -91,7 +92,10 @@ Process::~Process() {
 void Process::send(int signal) const { ::kill(id_, signal); }
 
 bool Process::has_ended() {
-  ended_ = ended_ || waitpid(id_, &status_, WNOHANG) == id_;
+  if (ended_) return true;
+  rusage used{};
+  ended_ = wait4(id_, &status_, WNOHANG, &used) == id_;
+  peak_kilobytes_ = used.ru_maxrss;
   return ended_;
 }
 
@@ -114,6 +118,7 @@ Ending Process::wait() {
   if (WIFEXITED(status_)) ending.code = WEXITSTATUS(status_);
   if (WIFSIGNALED(status_)) ending.signal = WTERMSIG(status_);
   ending.err = err();
+  ending.peak_megabytes = peak_kilobytes_ / 1024;
   return ending;
 }
 

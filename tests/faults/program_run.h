@@ -34,8 +34,9 @@ class Fault {
 struct Ending {
   int code = -1;  ///< -1: by a signal
   int signal = 0;
-  bool hung = false;  ///< it was killed, after minutes
-  std::string err;    ///< what it wrote to stderr
+  bool hung = false;        ///< it was killed, after minutes
+  std::string err;          ///< what it wrote to stderr
+  long peak_megabytes = 0;  ///< largest resident memory
 
   bool succeeded() const { return code == 0; }
 };
@@ -60,6 +61,7 @@ class Process {
   std::filesystem::path log_;
   pid_t id_ = -1;
   int status_ = 0;
+  long peak_kilobytes_ = 0;
   bool ended_ = false;
 };
 

@@ -9,7 +9,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/excerpt.h"
-#include "doppel/core/json_depth.h"
+#include "doppel/core/json_bounds.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/scratch_folder.h"
 #include "doppel/core/tensor/reference_scope.h"

@@ -11,7 +11,7 @@
 namespace doppel {
 namespace {
 
-constexpr std::uintmax_t kMaxJsonBytes = 256 << 20;
+constexpr std::uintmax_t kMaxJsonBytes = 64 << 20;  // parsed, up to 48 times as much
 constexpr int kMaxJsonDepth = 64;
 constexpr double kMendableRotation = 1e-2;  // how far R R^T of a rounded rotation may be off the identity
 

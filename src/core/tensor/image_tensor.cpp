@@ -26,7 +26,7 @@ torch::Tensor bytes_of(const cv::Mat& image) {
   return torch::from_blob(whole.data, {whole.rows, whole.cols, 3}, keep, torch::kUInt8);
 }
 
-torch::Tensor tensor_of(const cv::Mat& image) { return bytes_of(image).to(torch::kFloat32).flip(-1) / 255; }
+torch::Tensor tensor_of(const cv::Mat& image) { return bytes_of(image).flip(-1).to(torch::kFloat32).div_(255); }
 
 cv::Mat image_view(const torch::Tensor& pixels) {
   const int depth = pixels.scalar_type() == torch::kUInt8 ? CV_8U : CV_32F;

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "doppel/core/atomic_file.h"
-#include "doppel/core/json_depth.h"
+#include "doppel/core/json_bounds.h"
 
 namespace doppel {
 
@@ -16,6 +16,7 @@ using nlohmann::json;
 
 constexpr std::size_t kMaxJsonDepth = 100;
 constexpr std::uintmax_t kMaxJsonBytes = std::uintmax_t{1} << 30;
+constexpr double kMaxJsonGigabytes = 4.0;  // of the parsed file
 constexpr double kMaxCoordinate = 1e7;
 
 /// The token of Python at a position of a JSON text, or nothing.
@@ -78,6 +79,12 @@ std::shared_ptr<const json> parse_keypoint_json(const std::filesystem::path& pat
   std::string text = read_file(path, kMaxJsonBytes);
   if (is_json_deeper_than(text, kMaxJsonDepth))
     fail_at({path.string(), 0}, "reading keypoints: lists and objects are nested more than {} deep", kMaxJsonDepth);
+  if (const double gigabytes = static_cast<double>(json_memory(text)) / 1e9; gigabytes > kMaxJsonGigabytes)
+    fail_at(
+        {path.string(), 0},
+        "reading keypoints: parsing this file takes up to {:.1f} GB of memory, allowed are {:.0f}; write a file for "
+        "each camera, or for fewer frames",
+        gigabytes, kMaxJsonGigabytes);
   for (const bool again : {false, true}) {
     try {
       return std::make_shared<const json>(json::parse(text));

@@ -3,7 +3,7 @@
 #include "doppel/character/character_folder.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/core/json_depth.h"
+#include "doppel/core/json_bounds.h"
 #include "doppel/core/npy.h"
 #include "doppel/io/rig_import/import_rig.h"
 #include "doppel/io/rig_import/landmarks_of_rig.h"

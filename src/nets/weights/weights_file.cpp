@@ -12,7 +12,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/excerpt.h"
 #include "doppel/core/file_head.h"
-#include "doppel/core/json_depth.h"
+#include "doppel/core/json_bounds.h"
 #include "doppel/nets/weights/torch_archive.h"
 
 namespace doppel {

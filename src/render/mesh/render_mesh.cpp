@@ -1,6 +1,9 @@
 #include "doppel/render/mesh/render_mesh.h"
 
+#include <opencv2/imgproc.hpp>
+
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/core/tensor/image_tensor.h"
 #include "doppel/render/mesh/face_tensor.h"
@@ -11,6 +14,8 @@ namespace doppel {
 using torch::Tensor;
 
 namespace {
+
+constexpr std::size_t kMaxTexels = std::size_t{1} << 26;  // 8192 x 8192: 0.8 GB as floats
 
 Tensor corner_uvs_of(const TriangleMesh& mesh) {
   if (mesh.face_uvs.empty()) return {};
@@ -70,7 +75,12 @@ Tensor texture_tensor(const TriangleMesh& mesh) {
     fail<UsageError>("texture_tensor: the mesh has {}; it needs an 8-bit image of three channels",
                      mesh.texture.empty() ? "no texture" : "a texture of another type");
   }
-  return tensor_of(mesh.texture).unsqueeze(0);
+  cv::Mat texture = mesh.texture;
+  while (texture.total() > kMaxTexels) cv::resize(texture, texture, {}, 0.5, 0.5, cv::INTER_AREA);
+  if (texture.total() < mesh.texture.total())
+    log::info("the texture of {} x {} texels is drawn with {} x {}", mesh.texture.cols, mesh.texture.rows, texture.cols,
+              texture.rows);
+  return tensor_of(texture).unsqueeze(0);
 }
 
 Tensor vertex_normal_sums(const Tensor& vertices, const RenderMesh& mesh) {

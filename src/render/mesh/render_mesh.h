@@ -25,7 +25,8 @@ struct RenderMesh {
   std::int64_t num_faces() const { return faces.size(0); }
 };
 
-/// The texture of a mesh. @return float32 [1,Th,Tw,3], RGB 0..1, row 0 at v = 1
+/// The texture of a mesh, for drawing. A texture of more than 2^26 texels (8192 x 8192) is halved until it has fewer.
+/// @return float32 [1,Th,Tw,3], RGB 0..1, row 0 at v = 1
 /// @throws Error when the mesh has none
 torch::Tensor texture_tensor(const TriangleMesh& mesh);
 

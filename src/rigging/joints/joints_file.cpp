@@ -5,7 +5,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/config.h"
 #include "doppel/core/error.h"
-#include "doppel/core/json_depth.h"
+#include "doppel/core/json_bounds.h"
 #include "doppel/rigging/joints/body_joints.h"
 
 namespace doppel {

@@ -504,5 +504,13 @@ TEST(RenderMesh, ReadsTheTextureAsRgbFromTheTop) {
   EXPECT_NEAR(texture.sum().item<float>(), 1.6f, 1e-6f);
 }
 
+TEST(RenderMesh, HalvesATextureOfMoreThan8192Squared) {
+  TriangleMesh mesh;
+  mesh.texture = cv::Mat(8196, 8192, CV_8UC3, cv::Scalar(51, 51, 51));
+  const Tensor texture = texture_tensor(mesh);
+  EXPECT_EQ(texture.sizes(), (std::vector<std::int64_t>{1, 4098, 4096, 3}));
+  EXPECT_TRUE(test::is_near(texture[0][4097][4095], torch::full({3}, 0.2), 1e-6));
+}
+
 }  // namespace
 }  // namespace doppel::shading_test
