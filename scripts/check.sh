@@ -7,14 +7,15 @@
 #     text          no white space at the ends of lines; YAML files can be read
 #     tests         release build and all tests (including the include levels)
 #     headers       every public and shared header compiles alone, ten minutes
+#     headers-changed  the same for the headers that differ from DOPPEL_BASE, and those that include them
 #     tidy          static checks by clang-tidy, half an hour
-#     tidy-changed  the same for the files that differ from DOPPEL_BASE, at most five minutes; the default is where this
-#                   branch left origin/main, or HEAD~1 without origin/main
+#     tidy-changed  the same for the files that differ from DOPPEL_BASE, at most five minutes
 #     fuzz          the readers, compiled with sanitizers, on damaged files
 #     asan          tests with the sanitizers of addresses and undefined behaviour
 #     leak          the same build: memory that is never freed
 #     tsan          tests with the sanitizer of threads
 #   scripts/check.sh --format            only reformat the sources
+# DOPPEL_BASE is a revision; the default is where this branch left origin/main, or HEAD~1 without origin/main.
 # SANITIZED_TESTS names the tests of the last three; a build for all takes half an hour, so only theirs are built.
 # scripts/install_dependencies.sh checks installs the tools. The sources have the form of clang-format 14, as in Debian 12.
 set -euo pipefail
@@ -60,6 +61,29 @@ check_headers() {
   cmake --build build/release --target headers
 }
 
+# The revision that the pieces *-changed compare with.
+base_revision() {
+  local base="${DOPPEL_BASE:-}"
+  [ -n "$base" ] || base="$(git merge-base origin/main HEAD 2>/dev/null || echo HEAD~1)"
+  git rev-parse --quiet --verify "$base^{commit}" ||
+    { echo "check.sh: there is no revision '$base' to compare with; name one by DOPPEL_BASE" >&2; return 1; }
+}
+
+# units_of: the files in build/release/headers that compile the named headers of standard input, as targets of Ninja
+units_of() { grep -rlFf <(sed 's|^src/\(.*\)|#include "doppel/\1"|') build/release/headers | sed "s|.*|$PWD/&^|"; }
+
+check_headers-changed() {
+  local base units
+  base="$(base_revision)"
+  cmake --preset release >/dev/null
+  mapfile -t units < <({
+    git diff --name-only --diff-filter=d "$base" -- 'src/*.h' | tee /dev/fd/3 |
+      git grep -lFf <(sed 's|^src/\(.*\)|#include "doppel/\1"|') -- 'src/*.h'
+  } 3>&1 | units_of)
+  echo "${#units[@]} headers"
+  [ ${#units[@]} -eq 0 ] || cmake --build build/release --target "${units[@]}"
+}
+
 # Clang 14 reports errors inside LibTorch's own headers, so only messages about our files count. The compiler finds our
 # headers through the link build/tidy/include/doppel.
 ours='/(src|tools|tests|build/tidy/include/doppel)/[a-z0-9_/]*\.(h|cpp)'
@@ -103,10 +127,8 @@ changed_sources() {
 }
 
 check_tidy-changed() {
-  local base="${DOPPEL_BASE:-}" changed source checked=0
-  [ -n "$base" ] || base="$(git merge-base origin/main HEAD 2>/dev/null || echo HEAD~1)"
-  git rev-parse --quiet --verify "$base^{commit}" >/dev/null ||
-    { echo "check.sh: there is no revision '$base' to compare with; name one by DOPPEL_BASE" >&2; exit 1; }
+  local base changed source checked=0
+  base="$(base_revision)"
   configure_tidy 1
   mapfile -t changed < <(changed_sources "$base")
   rm -rf build/tidy/reports && mkdir build/tidy/reports
