@@ -222,6 +222,17 @@ static inline void store_interleaved(float* out, const Float* b) {
     _mm512_storeu_ps(out + 16 * k, _mm512_permutex2var_ps(two, _mm512_load_si512(kSecond[k]), (__m512)b[2]));
   }
 }
+#elif defined(__AVX2__)
+static inline void store_interleaved(float* out, const Float* b) {
+  // Lane i of b[k] goes to 3 i + k. Its position within a vector of eight differs from those of the other lanes, so one
+  // permutation serves all three vectors that are stored.
+  const __m256 x = _mm256_permutevar8x32_ps((__m256)b[0], _mm256_setr_epi32(0, 3, 6, 1, 4, 7, 2, 5));
+  const __m256 y = _mm256_permutevar8x32_ps((__m256)b[1], _mm256_setr_epi32(5, 0, 3, 6, 1, 4, 7, 2));
+  const __m256 z = _mm256_permutevar8x32_ps((__m256)b[2], _mm256_setr_epi32(2, 5, 0, 3, 6, 1, 4, 7));
+  _mm256_storeu_ps(out, _mm256_blend_ps(_mm256_blend_ps(x, y, 0x92), z, 0x24));
+  _mm256_storeu_ps(out + 8, _mm256_blend_ps(_mm256_blend_ps(x, y, 0x24), z, 0x49));
+  _mm256_storeu_ps(out + 16, _mm256_blend_ps(_mm256_blend_ps(x, y, 0x49), z, 0x92));
+}
 #else
 static inline void store_interleaved(float* out, const Float* b) {
   alignas(64) float rows[3][kLanes];
