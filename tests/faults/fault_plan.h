@@ -7,6 +7,7 @@
 extern "C" {
 #endif
 
+/* NOLINTBEGIN(readability-identifier-naming): C has no scopes for the names of constants */
 enum FaultKind {
   FAULT_MEMORY, /* malloc, calloc, realloc, aligned blocks, after main has begun: null, ENOMEM */
   FAULT_MAP,    /* mmap of a file: ENOMEM */
@@ -22,6 +23,7 @@ enum FaultKind {
   FAULT_RENAME, /* EIO */
   FAULT_KINDS
 };
+/* NOLINTEND(readability-identifier-naming) */
 
 struct FaultPlan {
   int kind;                 /* FaultKind */
