@@ -61,7 +61,7 @@ check_headers() {
   cmake --build build/release --target headers
 }
 
-# The revision that the pieces *-changed compare with.
+# base_revision: the revision that headers-changed and tidy-changed compare with
 base_revision() {
   local base="${DOPPEL_BASE:-}"
   [ -n "$base" ] || base="$(git merge-base origin/main HEAD 2>/dev/null || echo HEAD~1)"
@@ -69,7 +69,7 @@ base_revision() {
     { echo "check.sh: there is no revision '$base' to compare with; name one by DOPPEL_BASE" >&2; return 1; }
 }
 
-# units_of: the files in build/release/headers that compile the named headers of standard input, as targets of Ninja
+# units_of: for the headers on standard input, the Ninja targets that compile each of them alone
 units_of() { grep -rlFf <(sed 's|^src/\(.*\)|#include "doppel/\1"|') build/release/headers | sed "s|.*|$PWD/&^|"; }
 
 check_headers-changed() {

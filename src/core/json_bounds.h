@@ -5,8 +5,8 @@
 
 namespace doppel {
 
-/// What a JSON text asks of a program that parses it, found by one pass over the text. Readers of files from outside
-/// ask this first.
+/// Depth and memory of a JSON text, by one pass over the text. Readers of files from outside check them before they
+/// parse.
 
 /// Whether lists and objects are nested more than `depth` deep. Programs that walk or print a JSON value call
 /// themselves for each level.

@@ -6,7 +6,9 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "faults/program_run.h"
+#include "support/gltf_writer.h"
 #include "support/hostile_files.h"
+#include "support/png_writer.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::faults {
@@ -21,18 +23,6 @@ std::string repeated(const std::string& text, int count) {
   std::string all;
   for (int i = 0; i < count; ++i) all += text;
   return all;
-}
-
-/// The number in four bytes, the lowest first.
-std::string bytes_of(std::uint32_t number) {
-  std::string bytes;
-  for (int i = 0; i < 4; ++i) bytes += static_cast<char>(number >> 8 * i);
-  return bytes;
-}
-
-std::string glb(std::string json) {
-  json.resize((json.size() + 3) / 4 * 4, ' ');
-  return "glTF" + bytes_of(2) + bytes_of(20 + json.size()) + bytes_of(json.size()) + "JSON" + json;
 }
 
 std::string capture_yaml(const std::string& more) {
@@ -59,9 +49,12 @@ struct Claim {
 std::vector<Claim> claims() {
   return {
       {"an image of more than 2^28 pixels", "huge.png",
-       [] { return std::string("\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x80\0\0\0\x80\0\x08\2\0\0\0", 29) + bytes_of(0); },
+       [] {
+         const std::string side = support::number_bytes(1 << 15, 4, true);
+         return "\x89PNG\r\n\x1a\n" + support::png_chunk("IHDR", side + side + std::string("\x8\2\0\0\0", 5));
+       },
        "pixels"},
-      {"keypoints of thirty million people", "people.json",
+      {"keypoints of 30 million people", "people.json",
        [] { return "{\"people\":[" + repeated("{},", 30'000'000) + "{}]}"; }, "people.json"},
       {"four billion vertices", "scan.ply",
        [] {
@@ -71,10 +64,12 @@ std::vector<Claim> claims() {
        "4000000000"},
       {"a billion values without a buffer", "scene.glb",
        [] {
-         return glb(
-             R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
-                 "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
-                 "accessors":[{"componentType":5126,"count":1000000000,"type":"VEC3"}]})");
+         support::GltfWriter scene;
+         scene.json["accessors"] = {{{"componentType", 5126}, {"count", 1'000'000'000}, {"type", "VEC3"}}};
+         scene.json["meshes"] = {{{"primitives", {{{"attributes", {{"POSITION", 0}}}}}}}};
+         scene.json["nodes"] = {{{"mesh", 0}}};
+         scene.json["scenes"] = {{{"nodes", {0}}}};
+         return scene.glb();
        },
        "1000000000"},
       {"two billion frames", "motion.bvh",

@@ -501,13 +501,13 @@ TEST_F(KeypointFiles, DeepNestingIsRefused) {
   }
 }
 
-// ---- sources ----
-
 TEST_F(KeypointFiles, TooManyValuesForTheMemoryAreRefusedBeforeTheyAreParsed) {
   std::string text = "[";
   for (int i = 0; i < 30'000'000; ++i) text += "{},";
   EXPECT_THAT(message_of<FileError>([&] { people(text + "{}]"); }), HasSubstr("takes up to 4.3 GB of memory"));
 }
+
+// ---- sources ----
 
 TEST_F(KeypointFiles, SourcesOfAPatternAndOfOneFile) {
   support::write_bytes(folder_ / "f_0003.json", openpose(openpose_person(3)));
