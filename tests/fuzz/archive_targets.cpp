@@ -161,18 +161,21 @@ std::vector<FuzzTarget> archive_targets() {
                        write_safetensors(path, small_weights(), {{"format", "pt"}});
                      })},
            {"__metadata__", "\"dtype\":\"BF16\"", "\"shape\":[]", "\"shape\":[0]", "\"data_offsets\":[0,0]", "[[[[",
-            "{\"a\":", "I64", "BOOL", "U8", "18446744073709551615", "-1", "1e300", "\\u0000"}},
+            "{\"a\":", "I64", "BOOL", "U8", "18446744073709551615", "-1", "1e300", "\\u0000"},
+           unwrap_safetensors},
           {"torch_archive",
            read_archive_bytes,
            {bytes_of("a", [](const Path& path) { test::write_torch_weights(path, small_weights()); })},
-           {"PK\x01\x02", "PK\x03\x04", "PK\x05\x06", "PK\x06\x06", "PK\x06\x07", "data.pkl", "data/0", "byteorder"}},
+           {"PK\x01\x02", "PK\x03\x04", "PK\x05\x06", "PK\x06\x06", "PK\x06\x07", "data.pkl", "data/0", "byteorder"},
+           unwrap_zip},
           {"torch_weights", read_weights_bytes, {packed_weights()}, pickle_words},
           {"checkpoint", read_checkpoint_bytes, {packed_checkpoint()}, pickle_words},
           {"script_archive",
            check_script_bytes,
            {script_archive(code, false), script_archive(code, true)},
            {"PK\x01\x02", "PK\x03\x04", "PK\x05\x06", "PK\x06\x06", "PK\x06\x07", "code/", "data.pkl", "__setstate__",
-            "torch.classes."}}};
+            "torch.classes."},
+           unwrap_zip}};
 }
 
 }  // namespace doppel::fuzz

@@ -115,9 +115,9 @@ JointTracks tracks_of_markers(const Path& path) { return read_marker_motion(path
 JointTracks tracks_of_bvh(const Path& path) { return joint_tracks(read_bvh(path)); }
 
 FuzzTarget motion_target(const char* name, const char* file, Reader read, std::vector<std::string> seeds,
-                         std::vector<std::string> dictionary) {
+                         std::vector<std::string> dictionary, Unwrap unwrap = {}) {
   const auto run = [=](std::string_view bytes, const Path& folder) { check_use(read(written(bytes, folder, file))); };
-  return {name, run, std::move(seeds), std::move(dictionary)};
+  return {name, run, std::move(seeds), std::move(dictionary), std::move(unwrap)};
 }
 
 std::string smpl_motion(bool deflated) {
@@ -219,7 +219,8 @@ std::vector<FuzzTarget> figure_targets() {
   return {{"rig_glb",
            [](std::string_view bytes, const Path& folder) { import_bytes(bytes, folder, "a.glb"); },
            {glb},
-           kGltfWords},
+           kGltfWords,
+           unwrap_glb},
           {"rig_fbx",
            [](std::string_view bytes, const Path& folder) { import_bytes(bytes, folder, "a.fbx"); },
            {fbx},
@@ -228,14 +229,15 @@ std::vector<FuzzTarget> figure_targets() {
            read_motions_bytes,
            {R"({"motions":[{"file":"walk.motion","animation":"walk","frames_per_second":30.0}]})"},
            {"[[[[", "{\"a\":", "null", "1e999", "-1", "\"motions\":[", "\"file\":", "\"walk.motion\""}},
-          motion_target("motion_glb", "a.glb", tracks_of_rig, {glb}, kGltfWords),
+          motion_target("motion_glb", "a.glb", tracks_of_rig, {glb}, kGltfWords, unwrap_glb),
           motion_target("motion_fbx", "a.fbx", tracks_of_rig, {fbx}, kFbxWords),
           motion_target("motion_bvh", "a.bvh", tracks_of_bvh, {bvh_motion()},
                         {"JOINT RightUpLeg {\n", "End Site {\n", "}\n", "OFFSET 0 1 0\n", "CHANNELS 3 ", "Xrotation",
                          "Frames: ", "Frame Time: ", "1e300", "1e-300"}),
           motion_target("motion_smpl", "a.npz", tracks_of_smpl, {smpl_motion(false), smpl_motion(true)},
                         {"root_orient.npy", "pose_body.npy", "global_orient.npy", "transl.npy", "fps.npy",
-                         "'shape': (3, 22, 3)", "PK\x01\x02", "<f4"}),
+                         "'shape': (3, 22, 3)", "PK\x01\x02", "<f4"},
+                        unwrap_zip),
           motion_target("motion_c3d", "a.c3d", tracks_of_markers, {c3d_motion(-1), c3d_motion(0.1)},
                         {"POINT", "SCALE", "LASI", "LKNE", "LABELS", "UNITS", "RATE", "Y_SCREEN", "+Y", "-Z"}),
           motion_target("motion_trc", "a.trc", tracks_of_markers, {trc_motion()},

@@ -95,13 +95,22 @@ bool run_watched(const FuzzTarget& target, const std::string& bytes, const Path&
   return accepted;
 }
 
+std::string wrapped_again(const FuzzTarget& target, const std::string& seed) {
+  const std::optional<Unwrapped> file = target.unwrap(seed);
+  promise(file.has_value(), "the seeds of " + target.name + " can be unwrapped");
+  return file->wrap(file->parts);
+}
+
 /// All inputs of a target, in the child process.
 void run_target(const FuzzTarget& target, const Options& options, const Path& folder, SharedInput& shared) {
-  for (const std::string& seed : target.seeds)
+  for (const std::string& seed : target.seeds) {
     promise(run_watched(target, seed, folder, shared), "the seeds of " + target.name + " are valid files");
+    promise(!target.unwrap || run_watched(target, wrapped_again(target, seed), folder, shared),
+            "the seeds of " + target.name + " are valid in a new wrapping");
+  }
   for (const Regression& regression : regressions())
     if (regression.target == target.name) run_watched(target, regression.bytes, folder, shared);
-  Mutator mutator(target.seeds, target.dictionary, options.seed);
+  Mutator mutator(target, options.seed);
   const auto start = std::chrono::steady_clock::now();
   const auto elapsed = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); };
   long runs = 0, accepted = 0;

@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "fuzz/wrapping.h"
+
 /// Fuzz targets: readers of files from outside, fed with damaged bytes.
 ///
 /// One target is one reader. `fuzz_driver` runs all targets in every test run, with bytes that it changes by a fixed
@@ -22,6 +24,7 @@ struct FuzzTarget {
   std::function<void(std::string_view bytes, const std::filesystem::path& folder)> read;
   std::vector<std::string> seeds;       ///< valid files, made by code
   std::vector<std::string> dictionary;  ///< words of the format
+  Unwrap unwrap = {};                   ///< of a format that wraps its content
 };
 
 /// A promise of a reader that is not kept.

@@ -20,12 +20,11 @@ bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 }  // namespace
 
-Mutator::Mutator(std::vector<std::string> seeds, std::vector<std::string> dictionary, std::uint64_t seed)
-    : seeds_(std::move(seeds)), dictionary_(std::move(dictionary)), generator_(seed) {}
-
 std::string Mutator::next() {
   std::string bytes = any_seed();
-  for (std::size_t changes = 1 + below(kMaxChanges); changes > 0; --changes) change(bytes);
+  const bool inside = target_.unwrap && below(2) == 0;
+  for (std::size_t changes = 1 + below(kMaxChanges); changes > 0; --changes)
+    inside ? change_inside(bytes) : change(bytes);
   if (bytes.size() > kMaxBytes) bytes.resize(kMaxBytes);
   return bytes;
 }
@@ -35,6 +34,13 @@ void Mutator::change(std::string& bytes) {
   if (kind < 4) return change_bytes(bytes, kind);
   if (kind < 7) return change_number(bytes);
   change_part(bytes, kind);
+}
+
+void Mutator::change_inside(std::string& bytes) {
+  std::optional<Unwrapped> file = target_.unwrap(bytes);
+  if (!file) return change(bytes);
+  change(file->parts[below(file->parts.size())]);
+  bytes = file->wrap(file->parts);
 }
 
 void Mutator::change_bytes(std::string& bytes, std::size_t kind) {
@@ -77,8 +83,8 @@ void Mutator::change_part(std::string& bytes, std::size_t kind) {
     const std::string& other = any_seed();
     const std::size_t from = below(other.size() + 1);
     bytes.replace(at, length, other.substr(from, below(std::min<std::size_t>(other.size() - from, 400) + 1)));
-  } else if (!dictionary_.empty()) {
-    bytes.replace(at, below(3) == 0 ? length : 0, dictionary_[below(dictionary_.size())]);
+  } else if (const auto& words = target_.dictionary; !words.empty()) {
+    bytes.replace(at, below(3) == 0 ? length : 0, words[below(words.size())]);
   }
 }
 

@@ -92,6 +92,7 @@ std::string as_gltf(const GltfWriter& file) {
 
 FuzzTarget gltf_target(bool binary) {
   FuzzTarget target{binary ? "glb" : "gltf", binary ? read_as<kGlb> : read_two<kGltf, kBuffer>, {}, {}};
+  if (binary) target.unwrap = unwrap_glb;
   for (const GltfWriter& file : {support::bending_arm(), rich_arm()})
     target.seeds.push_back(binary ? file.glb() : as_gltf(file));
   if (binary) {
