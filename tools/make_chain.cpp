@@ -5,7 +5,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <iostream>
 #include <numeric>
 
@@ -13,6 +15,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
+#include "doppel/core/temporary_name.h"
 #include "program.h"
 
 namespace doppel::tools {
@@ -25,13 +28,14 @@ using Clock = std::chrono::steady_clock;
 
 constexpr char kFile[] = "make.json";
 
-/// Sends what the process writes to stdout into a file while it lives.
+/// Sends what the process writes to stdout into a file while it lives. The file has its name once it is whole.
 class StdoutToFile {
  public:
-  explicit StdoutToFile(const fs::path& path) : before_(dup(STDOUT_FILENO)) {
+  explicit StdoutToFile(fs::path path)
+      : path_(std::move(path)), temporary_(temporary_beside(path_)), before_(dup(STDOUT_FILENO)) {
     flush();
-    const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-    if (before_ < 0 || file < 0) fail("{}: the results of a step cannot be written", path.string());
+    const int file = open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    if (before_ < 0 || file < 0) fail("{}: the results of a step cannot be written", path_.string());
     dup2(file, STDOUT_FILENO);
     close(file);
   }
@@ -39,15 +43,23 @@ class StdoutToFile {
     flush();
     dup2(before_, STDOUT_FILENO);
     close(before_);
+    std::error_code ignored;
+    fs::remove(temporary_, ignored);  // what was published is no longer there
   }
   StdoutToFile(const StdoutToFile&) = delete;
   StdoutToFile& operator=(const StdoutToFile&) = delete;
 
- private:
-  static void flush() {
-    std::cout.flush();
-    std::fflush(stdout);
+  void publish() const {
+    if (!flush()) fail("writing {}: {}", path_.string(), std::strerror(errno));
+    publish_file(temporary_, path_);
   }
+
+ private:
+  static bool flush() {
+    std::cout.flush();
+    return std::fflush(stdout) == 0 && std::cout.good();
+  }
+  fs::path path_, temporary_;
   int before_;
 };
 
@@ -59,7 +71,7 @@ Json read_json(const fs::path& path) {
   }
 }
 
-/// The commands print one JSON object with --json; a step that was stopped may have printed nothing.
+/// The commands print one JSON object with --json, or nothing.
 Json results_in(const fs::path& path) {
   return fs::exists(path) && fs::file_size(path) > 0 ? read_json(path) : Json::object();
 }
@@ -158,14 +170,18 @@ Json MakeChain::run(const std::string& name, const std::vector<std::string>& wor
   std::vector<const char*> argv;
   for (const std::string& word : all) argv.push_back(word.c_str());
   fs::create_directories(results.parent_path());
+  remove_temporaries(results.parent_path(), [](const std::string& file) { return file.ends_with(".json"); });
   const Clock::time_point begin = Clock::now();
-  const int code = [&] {
+  const auto [code, done] = [&] {
     const StdoutToFile redirected(results);
-    return run_program(static_cast<int>(argv.size()), argv.data());
+    const int ended = run_program(static_cast<int>(argv.size()), argv.data());
+    const bool has_results = ended == 0 || (ended == failing && !stop_requested());
+    if (has_results) redirected.publish();
+    return std::pair(ended, has_results);
   }();
   set_progress_chain(std::nullopt);
   setup_logging(common_.log_level);
-  if (code != 0 && (code != failing || stop_requested())) {
+  if (!done) {
     fmt::print(stderr, "doppel make: stopped at the step {}; the same command goes on from there\n", name);
     throw StepFailed{code};
   }

@@ -3,6 +3,7 @@
 
 #include <cstdlib>
 #include <iostream>
+#include <numeric>
 
 #include "doppel/core/error.h"
 #include "faults/folder_state.h"
@@ -72,14 +73,14 @@ class Sweep {
  public:
   Sweep(const TinyWork& work, Recipe recipe)
       : work_(work), recipe_(std::move(recipe)), out_(work.at("out")), fault_(work.folder()) {
-    restore();
+    work_.restore(recipe_, out_);
     before_ = state_of(out_);
     fault_.set(FAULT_MEMORY, 0);
     const Ending ending = run(recipe_.with_out(out_), &fault_);
     if (!ending.succeeded()) fail("without a fault: {}", ending.err);
     for (int kind = 0; kind < FAULT_KINDS; ++kind) counts_.push_back(fault_.plan().counts[kind]);
     whole_ = state_of(out_);
-    restore();
+    work_.restore(recipe_, out_);
     if (!run(recipe_.with_out(out_)).succeeded()) fail("the second run failed");
     if (const std::string found = difference(state_of(out_), whole_); !found.empty())
       fail("two unbroken runs differ: {}", found);
@@ -99,15 +100,12 @@ class Sweep {
     return findings;
   }
   long points() const { return points_; }
+  /// Of all kinds but allocations of memory.
+  long calls() const { return std::accumulate(counts_.begin(), counts_.end(), 0L) - counts_[FAULT_MEMORY]; }
 
  private:
-  void restore() const {
-    fs::remove_all(out_);
-    if (!recipe_.before.empty()) fs::copy(work_.at(recipe_.before), out_, fs::copy_options::recursive);
-  }
-
   std::string finding_at(FaultKind kind, long call) {
-    restore();
+    work_.restore(recipe_, out_);
     fault_.set(kind, call);
     const Ending ending = run(recipe_.with_out(out_), &fault_);
     if (fault_.plan().failed == 0) return "";  // another run makes fewer calls of this kind, say of memory
@@ -175,22 +173,17 @@ class Sweep {
   long points_ = 0;
 };
 
-/// DOPPEL_FAULT_RECIPES: names separated by commas; without it, the short sweep has these.
-bool is_wanted(const std::string& recipe) {
-  const char* names = std::getenv("DOPPEL_FAULT_RECIPES");
-  const std::string wanted = names ? names : "prepare,train,track,export";
-  return wanted == "all" || ("," + wanted + ",").find("," + recipe + ",") != std::string::npos;
-}
-
 TEST(FaultSweep, LosesNothing) {
   const TinyWork work;
   long points = 0;
   std::vector<std::string> findings;
   for (const Recipe& recipe : work.recipes()) {
-    if (!is_wanted(recipe.name)) continue;
+    if (!is_wanted(recipe, "prepare,train,track,export")) continue;
     Sweep sweep(work, recipe);
     const std::vector<std::string> found = sweep.run_all();
-    std::cout << fmt::format("{}: {} faults, {} findings\n", recipe.name, sweep.points(), found.size()) << std::flush;
+    std::cout << fmt::format("{}: {} faults, {} findings; {} calls\n", recipe.name, sweep.points(), found.size(),
+                             sweep.calls())
+              << std::flush;
     for (const std::string& finding : found) std::cout << "  " << finding << "\n" << std::flush;
     points += sweep.points();
     findings.insert(findings.end(), found.begin(), found.end());

@@ -1,6 +1,7 @@
 #include "faults/tiny_work.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <stdexcept>
 
 #include "detect/networks/small_networks.h"
@@ -30,6 +31,12 @@ Words Recipe::with_out(const fs::path& out) const {
   return result;
 }
 
+bool is_wanted(const Recipe& recipe, const std::string& otherwise) {
+  const char* names = std::getenv("DOPPEL_FAULT_RECIPES");
+  const std::string wanted = names ? names : otherwise;
+  return wanted == "all" || ("," + wanted + ",").find("," + recipe.name + ",") != std::string::npos;
+}
+
 TinyWork::TinyWork() {
   make(synth(at("capture")));
   make(prepare(at("prepared")));
@@ -43,6 +50,7 @@ TinyWork::TinyWork() {
   make_broken_run();
   for (const std::string part : {"0", "1"}) make(joined(prepare(at("parts/" + part)), {"--shard", part + "/2"}));
   make_detector();
+  make_footage();
 }
 
 Words TinyWork::synth(const std::string& out, int frames) const {
@@ -88,6 +96,28 @@ void TinyWork::make_broken_run() const {
   fs::copy(at("run"), at("broken"), fs::copy_options::recursive);
   for (const char* step : {"000003", "000004"})
     fs::remove(at("broken") / "checkpoints" / fmt::format("step-{}.pt", step));
+}
+
+void TinyWork::make_footage() const {
+  const auto copy = [&](const fs::path& part) {
+    fs::create_directories((at("footage") / part).parent_path());
+    fs::copy(at("capture") / part, at("footage") / part, fs::copy_options::recursive);
+  };
+  for (const fs::path sequence : {"training", "testing"})
+    for (const char* kind : {"videos", "keypoints"}) copy(sequence / kind);
+  for (const char* part : {"calibration/cameras.yml", "background", "character"}) copy(part);
+}
+
+void TinyWork::restore(const Recipe& recipe, const fs::path& out) const {
+  fs::remove_all(out);
+  if (!recipe.before.empty()) fs::copy(at(recipe.before), out, fs::copy_options::recursive);
+}
+
+std::vector<Recipe> TinyWork::recipes_to_kill() const {
+  std::vector<Recipe> all = recipes();
+  all.push_back({"long train", train("OUT", 60, 7), ""});
+  all.push_back({"make", {"make", at("footage"), "--stop-after", "prepare", "--out", "OUT"}, ""});
+  return all;
 }
 
 std::vector<Recipe> TinyWork::recipes() const {

@@ -19,6 +19,10 @@ struct Recipe {
   std::vector<std::string> with_out(const std::filesystem::path& out) const;
 };
 
+/// Whether DOPPEL_FAULT_RECIPES names the recipe: `all`, or names separated by commas.
+/// @param otherwise the names where the variable is not set
+bool is_wanted(const Recipe& recipe, const std::string& otherwise);
+
 /// A tiny synthetic capture and what the commands make of it, in one folder.
 class TinyWork {
  public:
@@ -35,10 +39,16 @@ class TinyWork {
 
   /// Every command that the fault sweep breaks.
   std::vector<Recipe> recipes() const;
+  /// The same, a training of more steps and `make` until the training, which take too long for the sweep.
+  std::vector<Recipe> recipes_to_kill() const;
+  /// Makes `out` what it is before the command.
+  void restore(const Recipe& recipe, const std::filesystem::path& out) const;
 
  private:
   void make(const std::vector<std::string>& words) const;
   void make_detector() const;
+  /// Videos, keypoints, calibration and character, as `doppel make` takes them.
+  void make_footage() const;
   /// A run as one killed after its second checkpoint left it.
   void make_broken_run() const;
 

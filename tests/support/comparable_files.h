@@ -16,7 +16,8 @@ using Files = std::map<std::string, std::string>;
 /// Removes what no two runs have alike: speeds and memory.
 inline void remove_speeds(nlohmann::ordered_json& node) {
   if (node.is_object())
-    for (const char* key : {"frames_per_second", "milliseconds", "latency_ms", "pictures_behind", "memory_mb"})
+    for (const char* key :
+         {"frames_per_second", "milliseconds", "latency_ms", "pictures_behind", "memory_mb", "seconds"})
       node.erase(key);
   for (nlohmann::ordered_json& child : node)
     if (child.is_structured()) remove_speeds(child);
@@ -25,7 +26,7 @@ inline void remove_speeds(nlohmann::ordered_json& node) {
 /// A file's content as two runs of one command have it alike. @param name without its folder
 inline std::string comparable(const std::string& name, std::string content) {
   if (name == "track.html") return std::regex_replace(content, std::regex("[0-9.]+ / s"), "");
-  if (name != "track.json") return content;
+  if (name != "track.json" && name != "refine.json" && name != "make.json") return content;
   nlohmann::ordered_json report = nlohmann::ordered_json::parse(content);
   remove_speeds(report);
   return report.dump(1);

@@ -21,8 +21,7 @@ namespace {
 
 using Seconds = std::chrono::duration<double>;
 
-constexpr Seconds kNap{0.02};             // between two checks for work
-constexpr double kCameraPatience = 10.0;  // seconds without an image after which a camera is disconnected
+constexpr Seconds kNap{0.02};  // between two checks for work
 
 /// Waits unless a stop is requested. @return false for a stop
 bool sleep_until(Clock::time_point time) {
@@ -31,43 +30,52 @@ bool sleep_until(Clock::time_point time) {
   return !stop_requested();
 }
 
-class CameraSource : public FrameSource {
+class DeviceSource : public FrameSource {
  public:
-  CameraSource(int index, double frames_per_second) : name_(fmt::format("camera {}", index)) {
-    if (!video_.open(index)) fail<UsageError>("--source {}: no such camera, or another program uses it", index);
+  explicit DeviceSource(Device device) : device_(std::move(device)) {
+    if (!device_.open(video_)) fail<UsageError>("{}: no such camera, or another program uses it", device_.name);
     const double stated = video_.get(cv::CAP_PROP_FPS);
-    frames_per_second_ = stated > 0.0 ? stated : frames_per_second;
+    if (stated > 0.0) device_.frames_per_second = stated;
+    size_ = stated_size();
   }
 
-  /// Asks a camera that delivers no image again, for at most kCameraPatience seconds.
   std::optional<SourceImage> next() override {
     const auto start = Clock::now();
+    auto opened = start;
     while (!stop_requested()) {
       cv::Mat image;
-      if (video_.read(image) && !image.empty()) {
+      if (video_.read(image) && image.size() == size_) {
         const long number = count_++;
         return SourceImage{number, number, image.clone(), Clock::now()};
       }
-      if (seconds_since(start) > kCameraPatience) {
-        log::warn("{}: no image for {:.0f} seconds; it seems to be disconnected", name_, kCameraPatience);
+      if (seconds_since(start) > device_.patience) {
+        log::warn("{}: no image of {} x {} pixels for {:.0f} seconds; it seems to be disconnected", device_.name,
+                  size_.width, size_.height, device_.patience);
         return std::nullopt;
+      }
+      if (seconds_since(opened) > device_.silence) {
+        log::warn("{}: no image; opening it again", device_.name);
+        device_.open(video_);
+        opened = Clock::now();
       }
       std::this_thread::sleep_for(kNap);
     }
     return std::nullopt;
   }
   bool live() const override { return true; }
-  cv::Size size() const override {
+  cv::Size size() const override { return size_; }
+  double frames_per_second() const override { return device_.frames_per_second; }
+  const std::string& name() const override { return device_.name; }
+
+ private:
+  cv::Size stated_size() const {
     return {static_cast<int>(video_.get(cv::CAP_PROP_FRAME_WIDTH)),
             static_cast<int>(video_.get(cv::CAP_PROP_FRAME_HEIGHT))};
   }
-  double frames_per_second() const override { return frames_per_second_; }
-  const std::string& name() const override { return name_; }
 
- private:
+  Device device_;
   cv::VideoCapture video_;
-  std::string name_;
-  double frames_per_second_ = 25.0;
+  cv::Size size_;
   long count_ = 0;
 };
 
@@ -171,8 +179,14 @@ bool is_camera(const std::string& source) {
   return !source.empty() && source.size() < 4 && source.find_first_not_of("0123456789") == std::string::npos;
 }
 
+std::unique_ptr<FrameSource> open_device(Device device) { return std::make_unique<DeviceSource>(std::move(device)); }
+
 std::unique_ptr<FrameSource> open_source(const std::string& source, const SourceOptions& options) {
-  if (is_camera(source)) return std::make_unique<CameraSource>(std::stoi(source), options.frames_per_second);
+  if (is_camera(source)) {
+    const int index = std::stoi(source);
+    return open_device({"camera " + source, [index](cv::VideoCapture& video) { return video.open(index); },
+                        options.frames_per_second});
+  }
   if (fs::is_directory(source))
     return std::make_unique<ReelSource>(std::make_unique<FolderReel>(source), source, options);
   if (fs::is_regular_file(source))

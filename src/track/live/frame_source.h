@@ -2,8 +2,10 @@
 
 /// Sources of live images: a camera, or files that are played like a camera.
 
+#include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
+#include <opencv2/videoio.hpp>
 #include <optional>
 #include <string>
 
@@ -39,6 +41,17 @@ struct SourceOptions {
   int repeat = 1;                   ///< how often a file is played
   double frames_per_second = 25.0;  ///< of a folder of images, and of a source of unknown rate
 };
+
+/// A camera. One that falls silent, say because its cable was pulled, is opened again and again.
+struct Device {
+  std::string name;  ///< for messages
+  std::function<bool(cv::VideoCapture&)> open;
+  double frames_per_second = 25.0;  ///< where the camera states none
+  double silence = 1.0;             ///< seconds without an image after which it is opened again
+  double patience = 60.0;           ///< seconds without an image after which the source ends
+};
+/// Its images, all of the first one's size. @throws UsageError when it cannot be opened
+std::unique_ptr<FrameSource> open_device(Device device);
 
 /// Whether a source is the number of a camera.
 bool is_camera(const std::string& source);

@@ -10,6 +10,7 @@
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/track/energy/root_rotation.h"
+#include "doppel/track/live/frame_log.h"
 #include "doppel/track/livecap/surface_file.h"
 #include "doppel/track/prefetch.h"
 #include "doppel/track/thread_share.h"
@@ -75,6 +76,7 @@ class LiveRun {
         tracker_(tracker),
         options_(options),
         preview_(preview),
+        log_(options.out),
         images_([this] { return take(); }, 1, source.live() ? WhenFull::drop_oldest : WhenFull::wait),
         preprocessed_([this] { return preprocess(); }, 1),
         detected_(view.detects_at_once() ? nullptr : new Prefetch<SeenImage>([this] { return detect(); }, 1)),
@@ -86,12 +88,13 @@ class LiveRun {
     try {
       follow_results();
     } catch (const FileError& e) {
-      if (result_.frames.empty()) throw;
+      if (log_.size() == 0) throw;
       result_.stopped = e.what();
       log::warn("{}; the images before it are kept", e.what());
     }
     images_.finish();
     timings_.final_megabytes = private_megabytes();
+    result_.frames = log_.read();
     if (preview_) preview_->close();
   }
 
@@ -160,16 +163,15 @@ class LiveRun {
   }
 
   bool paused_before(const SourceImage& image) {
-    const bool first = result_.frames.empty();
+    const bool first = log_.size() == 0;
     const double gap = std::chrono::duration<double>(image.taken - solved_at_).count();
     solved_at_ = image.taken;
     return source_.live() && !first && gap > options_.silence;
   }
 
-  /// Keeps only what the files need of each frame, because a live source may run for hours.
   void record(const SourceImage& image, const FrameResult& found) {
     const auto now = Clock::now();
-    if (result_.frames.empty()) timings_.first = now;
+    if (log_.size() == 0) timings_.first = now;
     timings_.last = now;
     timings_.latency.add(std::chrono::duration<double>(now - image.taken).count());
     timings_.behind = std::max(timings_.behind, came_ - 1 - image.number);
@@ -180,17 +182,10 @@ class LiveRun {
     if (options_.on_pose)
       options_.on_pose(found.pose.dofs, std::chrono::duration<double>(now - timings_.first).count(),
                        found.pose.state != FrameState::lost);
-    TrackedFrame kept;
-    kept.dofs = found.pose.dofs;
-    kept.state = found.pose.state;
-    kept.keypoints = found.pose.keypoints;
-    kept.inlier_ratio = found.pose.inlier_ratio;
-    kept.keypoint_error = found.pose.keypoint_error;
-    kept.iterations = found.pose.iterations;
-    result_.frames.push_back(std::move(kept));
-    if (result_.frames.size() == kSettled) timings_.settled_megabytes = private_megabytes();
-    rate_ = static_cast<double>(result_.frames.size()) /
-            std::max(1e-9, std::chrono::duration<double>(now - timings_.first).count());
+    log_.append(found.pose);
+    if (log_.size() == kSettled) timings_.settled_megabytes = private_megabytes();
+    rate_ =
+        static_cast<double>(log_.size()) / std::max(1e-9, std::chrono::duration<double>(now - timings_.first).count());
     latency_ms_ = timings_.latency.mean_ms();
   }
 
@@ -239,6 +234,7 @@ class LiveRun {
   FrameTracker& tracker_;
   const LiveRunOptions& options_;
   Preview* preview_;
+  FrameLog log_;
   TrackedSequence result_;
   LiveTimings timings_;
   std::optional<SurfaceFile> file_;

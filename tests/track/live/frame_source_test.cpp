@@ -98,6 +98,23 @@ TEST_F(Sources, AFileCanComeAtItsOwnRate) {
   EXPECT_GE(seconds_since(start), 0.06) << "the fourth is due after three fiftieths of a second";
 }
 
+TEST_F(Sources, ACameraThatFallsSilentIsOpenedAgain) {
+  int opened = 0;
+  Device device{"camera 7", [&](cv::VideoCapture& video) {
+                  video.release();
+                  return ++opened <= 3 && video.open((folder_ / "film.mp4").string());
+                }};
+  device.silence = 0.05;
+  device.patience = 0.3;
+  const auto source = open_device(device);
+  EXPECT_EQ(source->size(), cv::Size(48, 32));
+  EXPECT_EQ(source->frames_per_second(), 50.0);
+  EXPECT_EQ(numbers(*source).size(), 3u * 4u) << "the film ends as a camera does whose cable was pulled";
+  EXPECT_GT(opened, 4) << "it is opened again until patience ends";
+  device.open = [](cv::VideoCapture&) { return false; };
+  EXPECT_THAT(message_of<UsageError>([&] { open_device(device); }), HasSubstr("camera 7"));
+}
+
 TEST_F(Sources, AStopEndsThem) {
   SourceOptions options;
   options.repeat = 1000000;
