@@ -242,15 +242,20 @@ Json joint_table_facts(const fs::path&) {
           {"read_by", "`joints3d` in capture.yaml"}};
 }
 
-/// Tables and JSON files say by their content what they are. Nothing when they are none of them.
-std::optional<Json> facts_by_content(const fs::path& path) {
+/// Tables and JSON files say by their content what they are.
+/// @throws FileError with the reason of each reader when they are none of them
+Json facts_by_content(const fs::path& path) {
   if (is_joint_table(path)) return joint_table_facts(path);
+  std::vector<std::string> reasons;
   for (const auto describe : {keypoint_facts, marker_facts}) try {
       return describe(path);
-    } catch (const FileError&) {
-      continue;
+    } catch (const FileError& e) {
+      reasons.emplace_back(e.what());
     }
-  return std::nullopt;
+  fail_at({path.string(), 0},
+          "the file is neither a calibration (formats: docs/calibration.md) nor keypoints (docs/capture.md) nor points "
+          "in space. As keypoints: {}. As points in space: {}",
+          reasons[0], reasons[1]);
 }
 
 struct DescribedKind {

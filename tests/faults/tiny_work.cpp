@@ -110,6 +110,7 @@ void TinyWork::make_footage() const {
 
 void TinyWork::restore(const Recipe& recipe, const fs::path& out) const {
   fs::remove_all(out);
+  fs::remove_all(out.parent_path() / ("." + out.filename().string() + ".making"));  // of synth
   if (!recipe.before.empty()) fs::copy(at(recipe.before), out, fs::copy_options::recursive);
 }
 
