@@ -170,7 +170,6 @@ Json MakeChain::run(const std::string& name, const std::vector<std::string>& wor
   std::vector<const char*> argv;
   for (const std::string& word : all) argv.push_back(word.c_str());
   fs::create_directories(results.parent_path());
-  remove_temporaries(results.parent_path(), [](const std::string& file) { return file.ends_with(".json"); });
   const Clock::time_point begin = Clock::now();
   const auto [code, done] = [&] {
     const StdoutToFile redirected(results);

@@ -246,7 +246,7 @@ void CheckpointFolder::note(std::int64_t step, const Checkpoint& checkpoint) con
   const fs::path latest = folder_ / "latest";
   if (!fs::exists(latest) || read_file(latest) != path(step).filename().string() + "\n") name_step("latest", step);
   note_best(step, checkpoint);
-  remove_leftovers();
+  remove_temporaries(folder_);
 }
 
 /// Among equal losses, the earlier step stays the best.
@@ -285,11 +285,6 @@ void CheckpointFolder::prune() const {
   }
 }
 
-void CheckpointFolder::remove_leftovers() const {
-  static const std::regex ours("step-[0-9]{6,12}\\.pt|latest|best");
-  remove_temporaries(folder_, [](const std::string& name) { return std::regex_match(name, ours); });
-}
-
 void CheckpointFolder::keep_only(std::int64_t step) {
   if (!fs::exists(path(step))) fail("{}: there is no checkpoint of step {}", folder_.string(), step);
   name_step("latest", step);
@@ -303,7 +298,7 @@ void CheckpointFolder::keep_only(std::int64_t step) {
 void CheckpointFolder::clear() {
   std::error_code ignored;
   if (!fs::is_directory(folder_)) return;
-  remove_leftovers();
+  remove_temporaries(folder_);
   for (std::int64_t step : steps()) fs::remove(path(step), ignored);
   for (const char* name : {"latest", "best"}) fs::remove(folder_ / name, ignored);
 }

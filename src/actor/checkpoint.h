@@ -87,7 +87,6 @@ class CheckpointFolder {
   void name_step(const char* file, std::int64_t step) const;
   std::optional<std::int64_t> best() const;
   void prune() const;
-  void remove_leftovers() const;
   std::filesystem::path folder_;
   int keep_last_;
   std::int64_t keep_every_;

@@ -39,21 +39,6 @@ void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::st
   }
 }
 
-/// The remains of an interrupted atomic write, such as `.report.4711-0.html`.
-void remove_leftovers(const fs::path& folder) {
-  static const std::set<std::string> ours = {"config.yaml", "metrics.jsonl", "validation.jsonl", "report.html",
-                                             "evaluation.json"};
-  remove_temporaries(folder, [](const std::string& name) { return ours.count(name) > 0; });
-}
-
-/// The same for images and their captions.
-void remove_image_leftovers(const fs::path& folder) {
-  remove_temporaries(folder, [](const std::string& name) {
-    const std::string extension = fs::path(name).extension().string();
-    return extension == ".jpg" || extension == ".txt";
-  });
-}
-
 /// Whether a caption is one of ours: "step 500: ...".
 bool is_caption(const fs::path& file) { return file.extension() == ".txt" && read_head(file, 5) == "step "; }
 
@@ -68,7 +53,7 @@ void remove_images(const fs::path& folder) {
     fs::remove(fs::path(caption).replace_extension(".jpg"), ignored);
     fs::remove(caption, ignored);
   }
-  remove_image_leftovers(folder);
+  remove_temporaries(folder);
   fs::remove(folder, ignored);
 }
 
@@ -103,8 +88,6 @@ std::vector<std::string> config_differences(const std::string& old_yaml, const s
 void RunFolder::open(const std::string& new_config, RunMode mode) const {
   if (fs::exists(path_) && !fs::is_directory(path_))
     fail<UsageError>("--out {}: this is a file; a run needs a folder", path_.string());
-  remove_leftovers(path_);
-  remove_image_leftovers(images());
   const bool has_run = fs::exists(config());
   if (!has_run && !is_unused_folder(path_))
     fail<UsageError>("--out {}: the folder contains files that are not a run; choose another one", path_.string());

@@ -12,6 +12,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/temporary_name.h"
 #include "doppel/core/log.h"
 
 namespace doppel {
@@ -75,6 +76,7 @@ FolderLock::FolderLock(const fs::path& folder) : folder_(folder) {
   made_folder_ = fs::create_directories(folder, code);
   if (code) fail("{}: the folder cannot be made: {}", folder.string(), code.message());
   file_ = lock_file(folder / kLockName, folder);
+  remove_temporaries(folder);
   const std::string owner = fmt::format("{} {}\n", ::getpid(), host_name());
   // Only a message needs the content, so a full disk does not stop the work here.
   if (::ftruncate(file_, 0) == 0) (void)!::pwrite(file_, owner.data(), owner.size(), 0);

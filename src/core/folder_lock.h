@@ -6,7 +6,7 @@ namespace doppel {
 
 /// Lets one process at a time write into a folder, by `flock` on a file in it. The system releases the lock when its
 /// process ends, in whatever way; a file that a killed process left does no harm. A file system without locks gives a
-/// warning.
+/// warning. What a killed process left half written in the folder is removed (temporary_name.h).
 class FolderLock {
  public:
   /// Makes a missing folder. @throws Error when another process holds the lock, naming it and its machine, or when the

@@ -201,7 +201,7 @@ std::vector<float> NpyItems::read(std::int64_t item) {
 }
 
 NpyStream::NpyStream(const std::filesystem::path& path, std::vector<std::int64_t> item_shape)
-    : path_(path), temporary_(path.string() + ".part"), item_shape_(std::move(item_shape)) {
+    : path_(path), temporary_(temporary_beside(path)), item_shape_(std::move(item_shape)) {
   for (std::int64_t axis : item_shape_) item_size_ *= axis;
   if (path.has_parent_path()) std::filesystem::create_directories(path.parent_path());
   file_ = std::fopen(temporary_.c_str(), "wb");

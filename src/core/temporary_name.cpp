@@ -3,11 +3,16 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
+#include <csignal>
 #include <cstring>
+#include <mutex>
 #include <regex>
+#include <set>
 
+#include "doppel/core/crc32c.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -25,13 +30,32 @@ int flush(const fs::path& path, int flags) {
   return reason;
 }
 
+/// Starts the temporary names of this machine.
+const std::string& machine_prefix() {
+  static const std::string kPrefix = [] {
+    std::array<char, 256> name{};
+    gethostname(name.data(), name.size() - 1);
+    return fmt::format(".doppel-{:08x}-", crc32c(name.data(), std::strlen(name.data())));
+  }();
+  return kPrefix;
+}
+
+bool is_running(pid_t process) { return ::kill(process, 0) == 0 || errno != ESRCH; }
+
+void remove_temporaries_once(const fs::path& folder) {
+  static std::mutex mutex;
+  static std::set<fs::path> done;
+  const std::lock_guard lock(mutex);
+  if (done.insert(folder).second) remove_temporaries(folder);
+}
+
 }  // namespace
 
 fs::path temporary_beside(const fs::path& path) {
   static std::atomic<unsigned> counter{0};
-  const std::string name =
-      fmt::format(".{}.{}-{}{}", path.stem().string(), ::getpid(), counter.fetch_add(1), path.extension().string());
-  return path.parent_path() / name;
+  remove_temporaries_once(path.parent_path());
+  return path.parent_path() /
+         fmt::format("{}{}-{}-{}", machine_prefix(), ::getpid(), counter.fetch_add(1), path.filename().string());
 }
 
 void publish_file(const fs::path& temporary, const fs::path& path) {
@@ -44,14 +68,17 @@ void publish_file(const fs::path& temporary, const fs::path& path) {
   (void)flush(folder.empty() ? fs::path(".") : folder, O_DIRECTORY);
 }
 
-void remove_temporaries(const fs::path& folder, const std::function<bool(const std::string&)>& ours) {
-  static const std::regex pattern("\\.(.+)\\.[0-9]+-[0-9]+(\\.[^.]*)?");
+void remove_temporaries(const fs::path& folder) {
+  static const std::regex kRest("([0-9]{1,9})-[0-9]+-.+");
   std::error_code ignored;
-  if (!fs::is_directory(folder, ignored)) return;
-  for (const auto& entry : fs::directory_iterator(folder, ignored)) {
+  const fs::path listed = folder.empty() ? fs::path(".") : folder;
+  if (!fs::is_directory(listed, ignored)) return;
+  for (const auto& entry : fs::directory_iterator(listed, ignored)) {
     const std::string name = entry.path().filename().string();
+    if (!name.starts_with(machine_prefix())) continue;
+    const std::string rest = name.substr(machine_prefix().size());
     std::smatch parts;
-    if (std::regex_match(name, parts, pattern) && ours(parts[1].str() + parts[2].str()))
+    if (std::regex_match(rest, parts, kRest) && !is_running(static_cast<pid_t>(std::stoi(parts[1].str()))))
       fs::remove(entry.path(), ignored);
   }
 }

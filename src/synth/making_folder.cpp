@@ -48,12 +48,9 @@ void MakingFolder::take_over_rest(const std::string& work, bool force) {
   if (known && read_file(file) == work) {
     kept_ = true;
     log::info("continuing the unfinished capture in {}", making_.string());
-    const auto remove_parts = [](const fs::path& folder) {
-      remove_temporaries(folder, [](const std::string&) { return true; });
-    };
-    remove_parts(making_);
+    remove_temporaries(making_);
     for (const auto& entry : fs::recursive_directory_iterator(making_))
-      if (entry.is_directory()) remove_parts(entry.path());
+      if (entry.is_directory()) remove_temporaries(entry.path());
     return;
   }
   if (known && !force)

@@ -3,12 +3,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <set>
 
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
-#include "doppel/core/temporary_name.h"
 
 namespace doppel {
 
@@ -62,25 +60,12 @@ void warn_without_masks(const std::vector<FootageSequence>& sequences) {
         fmt::join(names, ", "));
 }
 
-namespace {
-
-/// Temporary files of a run that was killed.
-void remove_leftovers(const Footage& footage, const fs::path& out) {
-  std::set<std::string> ours{"track.json", "track.html", "curves.json", "capture.yaml"};
-  for (const FootageSequence& sequence : footage.sequences())
-    for (const char* extension : {".motion", ".bvh", ".jpg"}) ours.insert(sequence.name + extension);
-  remove_temporaries(out, [&](const std::string& name) { return ours.contains(name); });
-}
-
-}  // namespace
-
 void open_out_folder(const Footage& footage, const fs::path& out) {
   if (out.empty()) fail<UsageError>("no output folder was given");
   const fs::path& file = footage.capture().file;
   if (!file.empty() && fs::weakly_canonical(out / "capture.yaml") == fs::weakly_canonical(file))
     fail<UsageError>("{} holds the capture itself; choose another folder with --out", out.string());
   fs::create_directories(out);
-  remove_leftovers(footage, out);
 }
 
 void check_one_camera(const Footage& footage) {

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <csignal>
 #include <fstream>
@@ -64,18 +66,43 @@ TEST(AppendedFileRejects, WhatCannotBeOpened) {
   EXPECT_THROW(AppendedFile(folder / "absent/log"), Error);
 }
 
-TEST(TemporaryNameReference, OnlyTemporariesOfOurFilesAreRemoved) {
+/// The temporary name that a process which has ended used beside `path`.
+fs::path name_of_an_ended_process(const fs::path& path) {
+  const pid_t child = fork();
+  if (child == 0) _exit(0);
+  waitpid(child, nullptr, 0);
+  const std::string here = std::to_string(getpid()), there = std::to_string(child);
+  std::string name = temporary_beside(path).filename().string();
+  return path.parent_path() / name.replace(name.find("-" + here + "-") + 1, here.size(), there);
+}
+
+TEST(TemporaryNameReference, OnlyThoseOfEndedProcessesAreRemoved) {
   const TemporaryFolder folder;
-  const fs::path ours = temporary_beside(folder / "step-000500.pt");
-  const std::vector<std::string> kept = {
-      "step-000500.pt",           "step-000500-good.pt",  ".step-000500.old.pt", ".notes.4711-0.pt",
-      "my-step-000500.4711-0.pt", ".step-000500.4711.pt", ".step-000500.pt.swp", "latest-before"};
-  std::ofstream(ours) << "half";
+  const fs::path file = folder / "step-000500.pt", left = name_of_an_ended_process(file);
+  const std::string foreign = "f" + left.filename().string().substr(1);
+  const std::vector<std::string> kept = {"step-000500.pt",
+                                         ".step-000500.4711-0.pt",
+                                         ".backup.2024-05.tar",
+                                         ".doppel-notes",
+                                         ".doppel-00000000-1-0-step-000500.pt",
+                                         foreign,
+                                         temporary_beside(file).filename().string()};
+  std::ofstream(left) << "half";
   for (const std::string& name : kept) std::ofstream(folder / name) << "mine";
-  remove_temporaries(folder.path(), [](const std::string& name) { return name == "step-000500.pt"; });
-  EXPECT_FALSE(fs::exists(ours));
+  remove_temporaries(folder.path());
+  EXPECT_FALSE(fs::exists(left));
   for (const std::string& name : kept) EXPECT_TRUE(fs::exists(folder / name)) << name;
-  EXPECT_NO_THROW(remove_temporaries(folder / "absent", [](const std::string&) { return true; }));
+  EXPECT_NO_THROW(remove_temporaries(folder / "absent"));
+}
+
+TEST(TemporaryNameReference, TheFirstOneInAFolderRemovesWhatIsLeft) {
+  const TemporaryFolder folder;
+  fs::create_directory(folder / "inner");
+  const fs::path file = folder / "inner/report.html", other = folder / "other.html";
+  const fs::path left = folder / "inner" / name_of_an_ended_process(other).filename();
+  std::ofstream(left) << "half";
+  EXPECT_EQ(temporary_beside(file).parent_path(), folder / "inner");
+  EXPECT_FALSE(fs::exists(left));
 }
 
 }  // namespace

@@ -112,7 +112,7 @@ std::string difference(const Files& found, const Files& expected) {
 
 bool is_leftover(const std::string& name) {
   for (const fs::path& part : fs::path(name))
-    if (part.string().starts_with(".") || part.extension() == ".part") return true;
+    if (part.string().starts_with(".")) return true;
   return false;
 }
 

@@ -62,13 +62,16 @@ class Killing {
   int rounds() const { return rounds_; }
 
  private:
-  /// @return whether the kill came before the end
+  /// @return whether the kill came before the end, which is a good one
   bool kill_once() {
     std::uniform_real_distribution<double> share(0.0, 1.0);
     Process process(words_);
     std::this_thread::sleep_for(duration_ * share(random_));
     process.send(SIGKILL);
-    if (process.wait().signal != SIGKILL) return false;
+    if (const Ending ending = process.wait(); ending.signal != SIGKILL) {
+      EXPECT_TRUE(ending.succeeded()) << "after " << killed_ << " kills: " << ending.err;
+      return false;
+    }
     ++killed_;
     for (const auto& [name, content] : state_of(out_))
       EXPECT_TRUE(is_leftover(name) || !content.starts_with("damaged: ")) << name << ": " << content;

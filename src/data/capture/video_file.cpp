@@ -25,7 +25,7 @@ void finish_video(cv::VideoWriter& writer, const fs::path& file, long frames) {
 }
 
 VideoFile::VideoFile(const fs::path& path, cv::Size size, double frames_per_second)
-    : path_(path), temporary_(path.parent_path() / ("." + path.stem().string() + ".part.mp4")) {
+    : path_(path), temporary_(temporary_beside(path)) {
   writer_.open(temporary_.string(), cv::VideoWriter::fourcc('m', 'p', '4', 'v'), frames_per_second, size);
   if (writer_.isOpened()) return;
   discard();

@@ -17,7 +17,6 @@
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
 #include "doppel/core/statistics.h"
-#include "doppel/core/temporary_name.h"
 #include "doppel/core/workers.h"
 #include "doppel/data/capture/mask_source.h"
 #include "doppel/data/capture/people_in_cameras.h"
@@ -465,8 +464,6 @@ PrepareReport prepare_capture(const Capture& capture, const PrepareOptions& opti
   check_out_folder(capture, options.out);
   const PreparePlan plan = plan_preparation(capture, options);
   const FolderLock lock(options.out);
-  remove_temporaries(options.out,
-                     [](const std::string& name) { return name == "capture.yaml" || name == "report.json"; });
   return Preparation(plan, options).run();
 }
 
