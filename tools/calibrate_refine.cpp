@@ -172,8 +172,9 @@ Command add_calibrate_refine(CLI::App& calibrate) {
   app->add_flag("--focal", arguments->focal, "Also refine the focal lengths");
   app->add_flag("--principal-point", arguments->principal_point, "Also refine the principal points");
   app->add_option("--fix", arguments->fixed, "Cameras that are kept as they are (repeatable)");
-  app->add_option("--out", arguments->out,
-                  "Calibration to write, .yml or .calibration (default: NAME_refined.yml beside the capture.yaml)");
+  app->add_option(
+      "--out", arguments->out,
+      "Calibration to write: .yml, .toml or .calibration (default: NAME_refined.yml beside the capture.yaml)");
   app->footer("Example: doppel calibrate refine recordings/anna --focal");
   return {app, [arguments](const CommonOptions& common) { return run_refine(*arguments, common); }};
 }

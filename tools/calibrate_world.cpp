@@ -73,8 +73,9 @@ Command add_calibrate_world(CLI::App& calibrate) {
                   "size)")
       ->check(CLI::Range(0.3, 3.0));
   app->add_option("--sequence", arguments->sequence, "Sequence whose keypoints are used (default: the first with any)");
-  app->add_option("--out", arguments->out,
-                  "Calibration to write, .yml or .calibration (default: NAME_world.yml beside the capture.yaml)");
+  app->add_option(
+      "--out", arguments->out,
+      "Calibration to write: .yml, .toml or .calibration (default: NAME_world.yml beside the capture.yaml)");
   app->footer("Example: doppel calibrate world recordings/anna --height 1.68");
   return {app, [arguments](const CommonOptions& common) { return run_world(*arguments, common); }};
 }

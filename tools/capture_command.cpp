@@ -145,12 +145,12 @@ void add_amend(CLI::App& capture, const std::shared_ptr<AmendArguments>& argumen
       ->delimiter(',');
   CLI::Option* hold_out = app->add_flag(
       "--hold-out", arguments->hold_out,
-      "Keep back the end of each training take for validation and tests, where the capture has no such sequences");
-  app->add_option("--validation-share", arguments->shares.validation, "Share of a take's rows for validation")
+      "Keep back the end of each training sequence for validation and tests, where the capture has no such sequences");
+  app->add_option("--validation-share", arguments->shares.validation, "Share of a sequence's rows for validation")
       ->needs(hold_out)
       ->check(CLI::Range(0.0, 0.9))
       ->capture_default_str();
-  app->add_option("--test-share", arguments->shares.test, "Share of a take's rows for tests")
+  app->add_option("--test-share", arguments->shares.test, "Share of a sequence's rows for tests")
       ->needs(hold_out)
       ->check(CLI::Range(0.0, 0.9))
       ->capture_default_str();

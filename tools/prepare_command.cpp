@@ -17,7 +17,7 @@ namespace {
 constexpr char kPrepareExample[] =
     "Example:\n"
     "  doppel prepare recordings/anna --out prepared/anna\n"
-    "CAPTURE is a folder with a capture.yaml (docs/capture.md), or one in the layout of DynaCap, ASH or TriHuman.";
+    "CAPTURE is a folder with a capture.yaml (docs/capture.md), or one in a layout that is known (same page).";
 
 struct PrepareArguments {
   std::string capture;

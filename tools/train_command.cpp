@@ -113,7 +113,8 @@ Command add_train(CLI::App& program) {
   app->add_option("--set", arguments->overrides, "Override a key: a.b=c (may be repeated)")->allow_extra_args(false);
   app->add_option("--out", arguments->out, "Folder of the run (default: runs/ and the name of the stage or chain)");
   app->add_option("--stages", arguments->stages,
-                  "Stages of a chain to train: egnet,lighting,deltanet,texnet or posenet,defnet (default: all)")
+                  "Stages of a chain to train: egnet,lighting,deltanet,texnet,gaussians; posenet,defnet; radiance "
+                  "(default: those of CONFIG)")
       ->delimiter(',');
   app->add_flag("--resume", arguments->resume, "Resume a run; fail when there is none");
   app->add_option("--nodes", arguments->ranks.nodes, "Train with several processes: HOST:PORT of rank 0");
