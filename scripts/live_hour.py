@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Tracks a looped video live for an hour and shows each pose in `doppel view`, and measures memory and delays.
 
-    scripts/live_hour.py CAPTURE VIDEO OUT [--minutes 60] [--camera 0] [--sequence testing]
+    scripts/live_hour.py CAPTURE VIDEO OUT [--minutes 60] [--stops] [--camera 0] [--sequence testing]
 
 VIDEO is of that camera and sequence; it is played again and again at its own rate. A client asks the viewer for the
-poses as its page does. In the last two minutes both programs are stopped for three seconds each, as a busy machine
-stops them. Prints JSON: rate, latency, gaps between the poses that the client gets, and the largest memory in each
+poses as its page does. With --stops, both programs are stopped for three seconds each in the last two minutes, as a
+busy machine stops them. Prints JSON: rate, latency, gaps between the poses that the client gets, and the largest memory in each
 tenth of the time. Exits 1 if a program ends early or fails, or if the memory of one grows by more than 2 MB after the
 first minute.
 """
@@ -59,10 +59,9 @@ def stopped_for(process, seconds):
     process.send_signal(signal.SIGCONT)
 
 
-def watch(processes, minutes, start):
-    """Memory of each process, [(seconds, MB)], until the time is over; the two stops are part of it."""
+def watch(processes, minutes, start, stops):
+    """Memory of each process, [(seconds, MB)], until the time is over. Stops the process stops[second]."""
     memory = {name: [] for name in processes}
-    stops = {60.0 * minutes - 100: "track", 60.0 * minutes - 50: "view"}
     while (now := time.monotonic() - start) < 60.0 * minutes:
         for name, process in processes.items():
             if process.poll() is not None:
@@ -89,6 +88,7 @@ def main():
     parser.add_argument("video")
     parser.add_argument("out", type=Path)
     parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--stops", action="store_true")
     parser.add_argument("--camera", default="0")
     parser.add_argument("--sequence", default="testing")
     options = parser.parse_args()
@@ -104,13 +104,15 @@ def main():
                              stdout=subprocess.DEVNULL, stderr=open(options.out / "track.log", "w"))
     start = time.monotonic()
     client.start()
-    memory = watch({"track": track, "view": view}, options.minutes, start)
+    end = 60.0 * options.minutes
+    stops = {end - 100: "track", end - 50: "view"} if options.stops else {}
+    memory = watch({"track": track, "view": view}, options.minutes, start, stops)
     for process in (track, view):
         process.send_signal(signal.SIGINT)
     codes = [process.wait(timeout=600) for process in (track, view)]
 
     live = json.loads((options.out / "track.json").read_text())["sequences"]["live"]["live"]
-    undisturbed = [t for t in client.arrivals if start + SETTLED < t < start + 60.0 * options.minutes - 110]
+    undisturbed = [t for t in client.arrivals if SETTLED < t - start < min(stops, default=end)]
     gaps = sorted(1e3 * (b - a) for a, b in zip(undisturbed, undisturbed[1:]))
     report = {
         "minutes": options.minutes, "exit_codes": codes, "pictures": live["pictures"], "dropped": live["dropped"],

@@ -29,7 +29,7 @@ int kills_wanted() {
 }
 
 /// Kills one command until it was killed often enough. Each round begins with the folder as it was before the command,
-/// and ends with a run that nobody kills, unless the command came to its end before a kill.
+/// and ends with a run that nobody kills, unless a kill came after the last file. (`synth` refuses a complete folder.)
 class Killing {
  public:
   Killing(const TinyWork& work, Recipe recipe, unsigned seed)
@@ -62,7 +62,7 @@ class Killing {
   int rounds() const { return rounds_; }
 
  private:
-  /// @return whether the kill came before the end, which is a good one
+  /// @return whether the kill came before all files were there; a command that ends before it ends well
   bool kill_once() {
     std::uniform_real_distribution<double> share(0.0, 1.0);
     Process process(words_);
@@ -73,9 +73,10 @@ class Killing {
       return false;
     }
     ++killed_;
-    for (const auto& [name, content] : state_of(out_))
+    const Files found = state_of(out_);
+    for (const auto& [name, content] : found)
       EXPECT_TRUE(is_leftover(name) || !content.starts_with("damaged: ")) << name << ": " << content;
-    return true;
+    return !difference(found, whole_).empty();
   }
 
   const TinyWork& work_;
