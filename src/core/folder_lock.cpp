@@ -12,8 +12,8 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/core/temporary_name.h"
 #include "doppel/core/log.h"
+#include "doppel/core/temporary_name.h"
 
 namespace doppel {
 
