@@ -162,8 +162,7 @@ run_sanitized() {
 }
 check_asan() { run_sanitized asan asan core geometry character calibration detect data actor train track; }
 check_leak() { run_sanitized asan leak core geometry character calibration detect data; }
-# GTEST_FILTER chooses test cases, such as '*Thread*' of `synth`, which takes half an hour as a whole.
-check_tsan() { run_sanitized tsan tsan core data train track; }
+check_tsan() { run_sanitized tsan tsan core data train track synth; }
 
 pieces=("$@")
 [ $# -gt 0 ] || pieces=(format shell text tests headers tidy)

@@ -6,10 +6,10 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <charconv>
 #include <csignal>
 #include <cstring>
 #include <mutex>
-#include <regex>
 #include <set>
 
 #include "doppel/core/crc32c.h"
@@ -69,17 +69,16 @@ void publish_file(const fs::path& temporary, const fs::path& path) {
 }
 
 void remove_temporaries(const fs::path& folder) {
-  static const std::regex kRest("([0-9]{1,9})-[0-9]+-.+");
   std::error_code ignored;
   const fs::path listed = folder.empty() ? fs::path(".") : folder;
   if (!fs::is_directory(listed, ignored)) return;
   for (const auto& entry : fs::directory_iterator(listed, ignored)) {
     const std::string name = entry.path().filename().string();
     if (!name.starts_with(machine_prefix())) continue;
-    const std::string rest = name.substr(machine_prefix().size());
-    std::smatch parts;
-    if (std::regex_match(rest, parts, kRest) && !is_running(static_cast<pid_t>(std::stoi(parts[1].str()))))
-      fs::remove(entry.path(), ignored);
+    pid_t process = 0;
+    const auto [end, reason] =
+        std::from_chars(name.data() + machine_prefix().size(), name.data() + name.size(), process);
+    if (reason == std::errc() && process > 0 && *end == '-' && !is_running(process)) fs::remove(entry.path(), ignored);
   }
 }
 
