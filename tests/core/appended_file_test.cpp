@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <csignal>
 #include <fstream>
@@ -11,12 +9,14 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/temporary_name.h"
+#include "support/killed_process.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::appended_file_test {
 namespace {
 
 namespace fs = std::filesystem;
+using support::left_by_a_killed_process;
 using support::TemporaryFolder;
 
 /// Limits the size of files, as a full disk does.
@@ -66,19 +66,9 @@ TEST(AppendedFileRejects, WhatCannotBeOpened) {
   EXPECT_THROW(AppendedFile(folder / "absent/log"), Error);
 }
 
-/// The temporary name that a process which has ended used beside `path`.
-fs::path name_of_an_ended_process(const fs::path& path) {
-  const pid_t child = fork();
-  if (child == 0) _exit(0);
-  waitpid(child, nullptr, 0);
-  const std::string here = std::to_string(getpid()), there = std::to_string(child);
-  std::string name = temporary_beside(path).filename().string();
-  return path.parent_path() / name.replace(name.find("-" + here + "-") + 1, here.size(), there);
-}
-
 TEST(TemporaryNameReference, OnlyThoseOfEndedProcessesAreRemoved) {
   const TemporaryFolder folder;
-  const fs::path file = folder / "step-000500.pt", left = name_of_an_ended_process(file);
+  const fs::path file = folder / "step-000500.pt", left = left_by_a_killed_process(file);
   const std::string foreign = "f" + left.filename().string().substr(1);
   const std::vector<std::string> kept = {"step-000500.pt",
                                          ".step-000500.4711-0.pt",
@@ -99,7 +89,7 @@ TEST(TemporaryNameReference, TheFirstOneInAFolderRemovesWhatIsLeft) {
   const TemporaryFolder folder;
   fs::create_directory(folder / "inner");
   const fs::path file = folder / "inner/report.html", other = folder / "other.html";
-  const fs::path left = folder / "inner" / name_of_an_ended_process(other).filename();
+  const fs::path left = folder / "inner" / left_by_a_killed_process(other).filename();
   std::ofstream(left) << "half";
   EXPECT_EQ(temporary_beside(file).parent_path(), folder / "inner");
   EXPECT_FALSE(fs::exists(left));

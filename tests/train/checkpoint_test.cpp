@@ -10,12 +10,14 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/crc32c.h"
 #include "doppel/core/error.h"
+#include "support/killed_process.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "train/toy_stage.h"
 
 namespace doppel::checkpoint_test {
 
+using support::left_by_a_killed_process;
 using support::message_of;
 using support::TemporaryFolder;
 
@@ -187,15 +189,16 @@ TEST(CheckpointFolderReference, KeepsTheNewestAndMilestones) {
 
 TEST(CheckpointFolderRecovers, FromADamagedNewestFileAndLeftovers) {
   const TemporaryFolder folder;
+  const fs::path half = left_by_a_killed_process(folder / "step-000003.pt");
   CheckpointFolder checkpoints(folder.path(), 3);
   checkpoints.save(1, example(1));
   checkpoints.save(2, example(2));
   write(checkpoints.path(2), "PK");
-  write(folder / ".step-000003.77-0.pt", "half");
+  write(half, "half");
   write(folder / "notes.txt", "the user's own");
   EXPECT_EQ(checkpoints.load_latest()->first, 1);
   checkpoints.save(3, example(3));
-  EXPECT_FALSE(fs::exists(folder / ".step-000003.77-0.pt"));
+  EXPECT_FALSE(fs::exists(half));
   EXPECT_TRUE(fs::exists(folder / "notes.txt"));
 }
 
@@ -205,11 +208,12 @@ TEST(CheckpointFolderRecovers, FromAKillBetweenACheckpointAndItsName) {
   CheckpointFolder checkpoints(folder.path(), 3);
   checkpoints.save(1, example(1));
   example(2).save(checkpoints.path(2));
-  write(folder / ".latest.4711-27", "step-000002.pt\n");
+  const fs::path half = left_by_a_killed_process(folder / "latest");
+  write(half, "step-000002.pt\n");
   write(folder / ".notes.4711-27", "not ours");
   checkpoints.note(2, example(2));
   EXPECT_EQ(read_file(folder / "latest"), "step-000002.pt\n");
-  EXPECT_FALSE(fs::exists(folder / ".latest.4711-27"));
+  EXPECT_FALSE(fs::exists(half));
   EXPECT_TRUE(fs::exists(folder / ".notes.4711-27"));
 }
 
