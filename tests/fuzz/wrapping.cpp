@@ -121,10 +121,12 @@ std::optional<Unwrapped> unwrap_glb(std::string_view bytes) {
   if (!bytes.starts_with("glTF")) return std::nullopt;
   Unwrapped file;
   std::vector<std::string> types;
-  for (std::size_t at = kHeader; const auto size = number_at(bytes, at, 4); at += kChunkHeader + *size) {
-    if (bytes.size() < at + kChunkHeader || *size > bytes.size() - at - kChunkHeader) return std::nullopt;
+  for (std::size_t at = kHeader; at < bytes.size();) {
+    const std::optional<std::uint64_t> size = number_at(bytes, at, 4);
+    if (!size || bytes.size() < at + kChunkHeader || *size > bytes.size() - at - kChunkHeader) return std::nullopt;
     types.emplace_back(bytes.substr(at + 4, 4));
     file.parts.emplace_back(bytes.substr(at + kChunkHeader, *size));
+    at += kChunkHeader + *size;
   }
   if (file.parts.empty()) return std::nullopt;
   file.wrap = [types](const std::vector<std::string>& parts) {
