@@ -94,11 +94,13 @@ share_minutes() {
   return $status
 }
 
+usage() { sed -n '2,12s/^# //p' "$0" >&2; exit 2; }
+
 case "${1:-}" in
   --table) print_table; exit ;;
   --coverage) shift; print_coverage "$@"; exit ;;
-  --share) [[ "${2:-}" =~ ^[0-9]+$ ]] || { sed -n '2,12s/^# //p' "$0" >&2; exit 2; } ;;
-  *) [[ "${1:-}" =~ ^[0-9]+$ ]] || { sed -n '2,12s/^# //p' "$0" >&2; exit 2; } ;;
+  --share) [[ "${2:-}" =~ ^[0-9]+$ ]] || usage ;;
+  *) [[ "${1:-}" =~ ^[0-9]+$ ]] || usage ;;
 esac
 if ! command -v clang++ >/dev/null; then
   [ "$1" != --share ] || { echo "fuzz.sh: --share needs Clang" >&2; exit 1; }

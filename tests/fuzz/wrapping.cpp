@@ -9,9 +9,12 @@
 #include "doppel/detect/networks/onnx_message.h"
 #include "fuzz/fuzz_target.h"
 #include "io/motion_import/motion_writers.h"
+#include "support/png_writer.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::fuzz {
+
+using support::number_bytes;
 
 namespace {
 
@@ -24,12 +27,6 @@ std::optional<std::uint64_t> number_at(std::string_view bytes, std::size_t at, s
   std::uint64_t value = 0;
   for (std::size_t i = count; i > 0; --i) value = value << 8 | static_cast<unsigned char>(bytes[at + i - 1]);
   return value;
-}
-
-std::string little_endian(std::uint64_t value, int count) {
-  std::string bytes;
-  for (int i = 0; i < count; ++i) bytes += static_cast<char>(value >> (8 * i) & 0xff);
-  return bytes;
 }
 
 /// Appends name and content of the archive's current file. @return its method, or -1 for one that cannot be read
@@ -133,9 +130,9 @@ std::optional<Unwrapped> unwrap_glb(std::string_view bytes) {
     std::string chunks;
     for (std::size_t i = 0; i < parts.size(); ++i) {
       const std::string padding((4 - parts[i].size() % 4) % 4, i == 0 ? ' ' : '\0');
-      chunks += little_endian(parts[i].size() + padding.size(), 4) + types[i] + parts[i] + padding;
+      chunks += number_bytes(parts[i].size() + padding.size(), 4, false) + types[i] + parts[i] + padding;
     }
-    return "glTF" + little_endian(2, 4) + little_endian(kHeader + chunks.size(), 4) + chunks;
+    return "glTF" + number_bytes(2, 4, false) + number_bytes(kHeader + chunks.size(), 4, false) + chunks;
   };
   return file;
 }
@@ -146,7 +143,7 @@ std::optional<Unwrapped> unwrap_safetensors(std::string_view bytes) {
   if (!size || *size > bytes.size() - kLength) return std::nullopt;
   return Unwrapped{{std::string(bytes.substr(kLength, *size)), std::string(bytes.substr(kLength + *size))},
                    [](const std::vector<std::string>& parts) {
-                     return little_endian(parts[0].size(), kLength) + parts[0] + parts[1];
+                     return number_bytes(parts[0].size(), kLength, false) + parts[0] + parts[1];
                    }};
 }
 

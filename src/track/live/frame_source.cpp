@@ -36,7 +36,8 @@ class DeviceSource : public FrameSource {
     if (!device_.open(video_)) fail<UsageError>("{}: no such camera, or another program uses it", device_.name);
     const double stated = video_.get(cv::CAP_PROP_FPS);
     if (stated > 0.0) device_.frames_per_second = stated;
-    size_ = stated_size();
+    size_ = {static_cast<int>(video_.get(cv::CAP_PROP_FRAME_WIDTH)),
+             static_cast<int>(video_.get(cv::CAP_PROP_FRAME_HEIGHT))};
   }
 
   std::optional<SourceImage> next() override {
@@ -68,11 +69,6 @@ class DeviceSource : public FrameSource {
   const std::string& name() const override { return device_.name; }
 
  private:
-  cv::Size stated_size() const {
-    return {static_cast<int>(video_.get(cv::CAP_PROP_FRAME_WIDTH)),
-            static_cast<int>(video_.get(cv::CAP_PROP_FRAME_HEIGHT))};
-  }
-
   Device device_;
   cv::VideoCapture video_;
   cv::Size size_;
