@@ -5,7 +5,7 @@
 
 VIDEO is of that camera and sequence; it is played again and again at its own rate. A client asks the viewer for the
 poses as its page does. With --stops, both programs are stopped for three seconds each in the last two minutes, as a
-busy machine stops them. Prints JSON: pictures, latency, gaps between the poses that the client gets, and the largest
+busy machine stops them. Prints JSON: images, latency, gaps between the poses that the client gets, and the largest
 memory in each tenth of the time. Exits 1 if a program ends early or fails, or if the memory of one grows by more than 2
 MB after the first minute.
 """
