@@ -57,9 +57,10 @@ DOPPEL_DECLARE_KERNEL(void, project_splats,
                       (const SplatArrays& splats, const SplatCamera& camera, std::int64_t begin, std::int64_t end,
                        SplatRecord* records))
 
-/// The Gaussians of a tile, nearest first, and its part of the image.
+/// The Gaussians of a tile, and its part of the image.
 struct SplatTile {
-  const SplatRecord* splats;
+  const SplatRecord* splats;  ///< of the image
+  const std::int32_t* order;  ///< [count] those of the tile, nearest first
   std::int64_t count;
   int x0, y0, x1, y1;  ///< pixels of the image; x1, y1 excluded
   std::int64_t width;  ///< of the image
@@ -80,7 +81,7 @@ struct alignas(64) SplatScratch {
   float planes[8][kSplatTileHeight * kStride + 80];
   /// Runs: up to eight pixels of a row of a Gaussian.
   std::int32_t at[kMaxRuns];     ///< the first pixel in the planes
-  std::int32_t splat[kMaxRuns];  ///< its number in the tile
+  std::int32_t splat[kMaxRuns];  ///< its record
   float s[kMaxRuns];             ///< a dx + b dy at the first pixel
   float exponent[kMaxRuns];      ///< log_opacity - r^2
   float r[kMaxRuns];             ///< c dy

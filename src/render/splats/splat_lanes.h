@@ -95,12 +95,42 @@ static inline void load_rows4(const float* rows, Float8* out) {
   out[2] = __builtin_shufflevector(ab23, cd23, 0, 1, 2, 3, 8, 9, 10, 11);
   out[3] = __builtin_shufflevector(ab23, cd23, 4, 5, 6, 7, 12, 13, 14, 15);
 }
+/// The reverse: adds columns to rows in memory.
+static inline void add_to_rows3(float* rows, const Float8* v) {
+  const Float8 a = __builtin_shufflevector(v[0], v[1], 0, 8, 0, 1, 9, 0, 2, 10),
+               b = __builtin_shufflevector(v[0], v[1], 0, 3, 11, 0, 4, 12, 0, 5),
+               c = __builtin_shufflevector(v[0], v[1], 13, 0, 6, 14, 0, 7, 15, 0);
+  store8(rows, load8(rows) + __builtin_shufflevector(a, v[2], 0, 1, 8, 3, 4, 9, 6, 7));
+  store8(rows + 8, load8(rows + 8) + __builtin_shufflevector(b, v[2], 10, 1, 2, 11, 4, 5, 12, 7));
+  store8(rows + 16, load8(rows + 16) + __builtin_shufflevector(c, v[2], 0, 13, 2, 3, 14, 5, 6, 15));
+}
+static inline void add_to_rows4(float* rows, const Float8* v) {
+  const Float8 ab[2] = {__builtin_shufflevector(v[0], v[1], 0, 8, 1, 9, 2, 10, 3, 11),
+                        __builtin_shufflevector(v[0], v[1], 4, 12, 5, 13, 6, 14, 7, 15)},
+               cd[2] = {__builtin_shufflevector(v[2], v[3], 0, 8, 1, 9, 2, 10, 3, 11),
+                        __builtin_shufflevector(v[2], v[3], 4, 12, 5, 13, 6, 14, 7, 15)};
+  for (int half = 0; half < 2; ++half) {
+    float* to = rows + 16 * half;
+    store8(to, load8(to) + __builtin_shufflevector(ab[half], cd[half], 0, 1, 8, 9, 2, 3, 10, 11));
+    store8(to + 8, load8(to + 8) + __builtin_shufflevector(ab[half], cd[half], 4, 5, 12, 13, 6, 7, 14, 15));
+  }
+}
 /// Rows become columns.
 static inline void transpose8(const Float8* rows, Float8* out) {
-  for (int half = 0; half < 2; ++half) {
-    float low[32];
-    for (int i = 0; i < kEight; ++i) std::memcpy(low + 4 * i, reinterpret_cast<const float*>(rows + i) + 4 * half, 16);
-    load_rows4(low, out + 4 * half);
+  Float8 pairs[8], quads[8];
+  for (int i = 0; i < 8; i += 2) {
+    pairs[i] = __builtin_shufflevector(rows[i], rows[i + 1], 0, 8, 1, 9, 4, 12, 5, 13);
+    pairs[i + 1] = __builtin_shufflevector(rows[i], rows[i + 1], 2, 10, 3, 11, 6, 14, 7, 15);
+  }
+  for (int i = 0; i < 8; i += 4) {
+    for (int k = 0; k < 2; ++k) {
+      quads[i + 2 * k] = __builtin_shufflevector(pairs[i + k], pairs[i + 2 + k], 0, 1, 8, 9, 4, 5, 12, 13);
+      quads[i + 2 * k + 1] = __builtin_shufflevector(pairs[i + k], pairs[i + 2 + k], 2, 3, 10, 11, 6, 7, 14, 15);
+    }
+  }
+  for (int k = 0; k < 4; ++k) {
+    out[k] = __builtin_shufflevector(quads[k], quads[k + 4], 0, 1, 2, 3, 8, 9, 10, 11);
+    out[k + 4] = __builtin_shufflevector(quads[k], quads[k + 4], 4, 5, 6, 7, 12, 13, 14, 15);
   }
 }
 

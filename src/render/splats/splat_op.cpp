@@ -34,8 +34,7 @@ struct ThreadMemory {
 };
 /// Memory that calls hand on to the next one.
 struct Workspace {
-  std::vector<SplatRecord> records;
-  std::vector<std::int32_t> copies;
+  std::vector<TileEntry> entries;
   std::vector<std::unique_ptr<ThreadMemory>> threads;
 };
 using WorkspaceLease = render::Lease<Workspace>;
@@ -86,29 +85,30 @@ struct Scene {
 
 /// What the forward pass of one view leaves for the backward pass: tensors of the op's result.
 struct ViewState {
-  static constexpr std::int64_t kTensors = 4;
+  static constexpr std::int64_t kTensors = 5;
   Tensor first, offsets;  ///< int32 [N+1], [tiles+1]: count_copies
-  Tensor records;         ///< uint8 [copies,64] SplatRecord, tile by tile
-  Tensor slots;           ///< int32 [copies]: TileSort
+  Tensor records;         ///< uint8 [N,64] SplatRecord
+  Tensor order, slots;    ///< int32 [copies]: TileSort
 
   static ViewState from(const std::vector<Tensor>& tensors, std::int64_t view) {
     const Tensor* t = tensors.data() + kTensors * view;
-    return {t[0], t[1], t[2], t[3]};
+    return {t[0], t[1], t[2], t[3], t[4]};
   }
   void append_to(std::vector<Tensor>& tensors) const {
-    tensors.insert(tensors.end(), {first, offsets, records, slots});
+    tensors.insert(tensors.end(), {first, offsets, records, order, slots});
   }
-  std::int64_t copies() const { return records.size(0); }
-  void sort(std::int64_t tile, TileSort& by, const std::int32_t* copies) const {
+  std::int64_t copies() const { return order.size(0); }
+  void sort(std::int64_t tile, TileSort& by, const Workspace& w) const {
     const std::int32_t* offset = offsets.data_ptr<std::int32_t>() + tile;
-    by.sort(reinterpret_cast<SplatRecord*>(records.data_ptr()) + offset[0], offset[1] - offset[0], copies + offset[0],
-            offset[0], slots.data_ptr<std::int32_t>());
+    by.sort(std::span(w.entries).subspan(as_size(offset[0]), as_size(offset[1] - offset[0])), offset[0],
+            order.data_ptr<std::int32_t>() + offset[0], slots.data_ptr<std::int32_t>());
   }
   SplatTile tile(const TileGrid& grid, std::int64_t number) const {
     const std::int32_t* offset = offsets.data_ptr<std::int32_t>() + number;
     const int x = static_cast<int>(number % grid.columns()) * kernels::kSplatTileWidth,
               y = static_cast<int>(number / grid.columns()) * kernels::kSplatTileHeight;
-    return {reinterpret_cast<const SplatRecord*>(records.data_ptr()) + offset[0],
+    return {reinterpret_cast<const SplatRecord*>(records.data_ptr()),
+            order.data_ptr<std::int32_t>() + offset[0],
             offset[1] - offset[0],
             x,
             y,
@@ -127,19 +127,21 @@ Tensor rounded_empty(std::int64_t rows, std::int64_t columns, torch::ScalarType 
 ViewState project_view(const Scene& scene, std::int64_t view, Workspace& w) {
   const kernels::SplatArrays arrays = scene.arrays(view / scene.cameras);
   const kernels::SplatCamera camera = scene.camera(view);
-  w.records.resize(as_size(scene.count));
-  at::parallel_for(0, scene.count, kSplatsPerThread, [&](std::int64_t begin, std::int64_t end) {
-    kernels::project_splats(arrays, camera, begin, end, w.records.data());
-  });
   ViewState out;
+  out.records = rounded_empty(scene.count, sizeof(SplatRecord), torch::kUInt8);
+  const std::span records(reinterpret_cast<SplatRecord*>(out.records.data_ptr()), as_size(scene.count));
+  at::parallel_for(0, scene.count, kSplatsPerThread, [&](std::int64_t begin, std::int64_t end) {
+    kernels::project_splats(arrays, camera, begin, end, records.data());
+  });
   out.first = rounded_empty(scene.count + 1, 1, torch::kInt32).view({-1});
   out.offsets = torch::empty({scene.grid.tiles() + 1}, torch::kInt32);
   auto *first = out.first.data_ptr<std::int32_t>(), *offsets = out.offsets.data_ptr<std::int32_t>();
-  count_copies(w.records, scene.grid, first, offsets);
-  out.records = rounded_empty(first[scene.count], sizeof(SplatRecord), torch::kUInt8);
-  out.slots = rounded_empty(first[scene.count], 1, torch::kInt32).view({-1});
-  w.copies.resize(as_size(first[scene.count]));
-  fill_tiles(w.records, scene.grid, offsets, reinterpret_cast<SplatRecord*>(out.records.data_ptr()), w.copies.data());
+  count_copies(records, scene.grid, first, offsets);
+  const std::int32_t copies = first[scene.count];
+  out.order = rounded_empty(copies, 1, torch::kInt32).view({-1});
+  out.slots = rounded_empty(copies, 1, torch::kInt32).view({-1});
+  w.entries.resize(as_size(copies));
+  list_copies(records, scene.grid, offsets, w.entries.data());
   return out;
 }
 
@@ -181,7 +183,7 @@ std::tuple<Tensor, Tensor, Tensor, std::vector<Tensor>> draw_splats_cpu(
     const ViewState state = project_view(scene, v, *w);
     const kernels::SplatPlanes image = planes(colour, alpha, depth, v, scene.views());
     for_tiles(scene.grid, *w, [&](std::int64_t number, ThreadMemory& memory) {
-      state.sort(number, memory.sort, w->copies.data());
+      state.sort(number, memory.sort, *w);
       kernels::draw_splat_tile(state.tile(scene.grid, number), image, memory.scratch);
     });
     if (keep) state.append_to(states);

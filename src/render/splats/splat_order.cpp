@@ -29,7 +29,7 @@ void for_each_tile(const SplatRecord& r, std::int64_t columns, const Visit& visi
 
 }  // namespace
 
-void count_copies(const std::vector<SplatRecord>& records, const TileGrid& grid, std::int32_t* first,
+void count_copies(std::span<const SplatRecord> records, const TileGrid& grid, std::int32_t* first,
                   std::int32_t* offsets) {
   std::fill_n(offsets, grid.tiles() + 1, 0);
   std::int64_t copies = 0;
@@ -49,31 +49,29 @@ void count_copies(const std::vector<SplatRecord>& records, const TileGrid& grid,
   for (std::int64_t tile = 0; tile < grid.tiles(); ++tile) offsets[tile + 1] += offsets[tile];
 }
 
-void fill_tiles(const std::vector<SplatRecord>& records, const TileGrid& grid, const std::int32_t* offsets,
-                SplatRecord* out, std::int32_t* copies) {
+void list_copies(std::span<const SplatRecord> records, const TileGrid& grid, const std::int32_t* offsets,
+                 TileEntry* out) {
   std::vector<std::int32_t> next(offsets, offsets + grid.tiles());
-  std::int32_t copy = 0;
+  std::int32_t number = 0, copy = 0;
   for (const SplatRecord& record : records) {
-    for_each_tile(record, grid.columns(), [&](std::int64_t tile) {
-      const std::int32_t slot = next[tile]++;
-      out[slot] = record;
-      copies[slot] = copy++;
-    });
+    for_each_tile(record, grid.columns(), [&](std::int64_t tile) { out[next[tile]++] = {record.key, number, copy++}; });
+    ++number;
   }
 }
 
-void TileSort::sort_keys(const SplatRecord* records, std::int64_t count) {
+void TileSort::sort_keys(std::span<const TileEntry> entries) {
   std::array<std::array<std::int32_t, as_size(kDigitMask) + 1>, kDigits> starts{};
-  items_.resize(as_size(count));
-  other_.resize(as_size(count));
-  for (std::int64_t i = 0; i < count; ++i) {
-    const std::uint64_t key = records[i].key;
-    items_[i] = key << 32 | static_cast<std::uint64_t>(i);
+  items_.resize(entries.size());
+  other_.resize(entries.size());
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    const std::uint64_t key = entries[i].key;
+    items_[i] = key << 32 | i;
     for (int d = 0; d < kDigits; ++d) ++starts[d][key >> (d * kDigitBits) & kDigitMask];
   }
   for (int d = 0; d < kDigits; ++d) {
     const int shift = 32 + d * kDigitBits;
-    if (count > 0 && starts[d][items_[0] >> shift & kDigitMask] == count) continue;  // all have this digit
+    if (!items_.empty() && as_size(starts[d][items_[0] >> shift & kDigitMask]) == items_.size())
+      continue;  // all have this digit
     std::int32_t sum = 0;
     for (std::int32_t& start : starts[d]) sum += std::exchange(start, sum);
     for (const std::uint64_t item : items_) other_[starts[d][item >> shift & kDigitMask]++] = item;
@@ -81,14 +79,12 @@ void TileSort::sort_keys(const SplatRecord* records, std::int64_t count) {
   }
 }
 
-void TileSort::sort(SplatRecord* records, std::int64_t count, const std::int32_t* copies, std::int32_t first,
-                    std::int32_t* slots) {
-  sort_keys(records, count);
-  before_.assign(records, records + count);
-  for (std::int64_t i = 0; i < count; ++i) {
-    const auto number = static_cast<std::size_t>(items_[i] & 0xffffffffu);
-    records[i] = before_[number];
-    slots[copies[number]] = first + static_cast<std::int32_t>(i);
+void TileSort::sort(std::span<const TileEntry> entries, std::int32_t first, std::int32_t* order, std::int32_t* slots) {
+  sort_keys(entries);
+  for (const std::uint64_t item : items_) {
+    const TileEntry& e = entries[item & 0xffffffffu];
+    *order++ = e.record;
+    slots[e.copy] = first++;
   }
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "doppel/render/splats/splat_kernel.h"
@@ -18,26 +19,29 @@ struct TileGrid {
 /// Counts the copies of N records, one for each tile that a record touches. Those with the key kHiddenSplat have none.
 /// @param first [N+1] record n has the copies first[n] to first[n+1] @param offsets [tiles+1] the first copy of each
 /// tile
-void count_copies(const std::vector<kernels::SplatRecord>& records, const TileGrid& grid, std::int32_t* first,
+void count_copies(std::span<const kernels::SplatRecord> records, const TileGrid& grid, std::int32_t* first,
                   std::int32_t* offsets);
-/// Copies the records to their tiles, in each tile in the order of their indices.
-/// @param out [copies] tile by tile @param copies [copies] the number of the copy at each slot of `out`, counted
-/// record by record
-void fill_tiles(const std::vector<kernels::SplatRecord>& records, const TileGrid& grid, const std::int32_t* offsets,
-                kernels::SplatRecord* out, std::int32_t* copies);
+/// A copy of a record in a tile.
+struct TileEntry {
+  std::uint32_t key;    ///< of the record
+  std::int32_t record;  ///< its index
+  std::int32_t copy;    ///< the number of the copy, counted record by record
+};
+/// Lists the copies of all tiles, in each tile in the order of the records. @param out [copies] tile by tile
+void list_copies(std::span<const kernels::SplatRecord> records, const TileGrid& grid, const std::int32_t* offsets,
+                 TileEntry* out);
 
-/// Sorts the records of a tile by their keys, the smallest first. Equal keys keep their order.
+/// Sorts the copies of a tile by their keys, the smallest first. Equal keys keep their order.
 class TileSort {
  public:
-  /// @param copies [count] of the records before @param first the slot of the first record in the image
-  /// @param slots where each copy of the image lies now; written for those of this tile
-  void sort(kernels::SplatRecord* records, std::int64_t count, const std::int32_t* copies, std::int32_t first,
-            std::int32_t* slots);
+  /// @param first the slot of the first copy of this tile in the image
+  /// @param order [entries.size()] the records of the tile
+  /// @param slots the slot of each copy of the image; written for those of this tile
+  void sort(std::span<const TileEntry> entries, std::int32_t first, std::int32_t* order, std::int32_t* slots);
 
  private:
-  void sort_keys(const kernels::SplatRecord* records, std::int64_t count);
+  void sort_keys(std::span<const TileEntry> entries);
   std::vector<std::uint64_t> items_, other_;  ///< key and number
-  std::vector<kernels::SplatRecord> before_;
 };
 
 }  // namespace doppel::splats

@@ -18,9 +18,10 @@ constexpr float kMaxSquare = 1e30f, kMaxVariance = 1e15f, kMaxDeterminant = 1e30
 /// The parameters of eight Gaussians, one after the other; those of fewer are followed by zeros.
 struct Block {
   const float *positions, *rotations, *log_scales, *opacities, *normals;
-  float copy[14 * kEight];
+  const float* harmonics;  ///< null if there are more than one
+  float copy[17 * kEight];
 
-  Block(const SplatArrays& in, std::int64_t n, int here) {
+  Block(const SplatArrays& in, int count, std::int64_t n, int here) {
     float* next = copy;
     const auto rows = [&](const float* all, int columns) -> const float* {
       if (!all) return nullptr;
@@ -36,6 +37,7 @@ struct Block {
     log_scales = rows(in.log_scales, 3);
     opacities = rows(in.opacities, 1);
     normals = rows(in.normals, 3);
+    harmonics = rows(count == 1 ? in.harmonics : nullptr, 3);
   }
 };
 
@@ -197,24 +199,32 @@ inline void harmonics_gradient(const Float8* d, int count, const Float8* t, Floa
 struct Shade {
   Float8 direction[3], distance;
   alignas(32) float basis[kMaxHarmonics][kEight];
-  alignas(32) float colour[3][kEight];  ///< before the limit at 0
+  Float8 colour[3];  ///< before the limit at 0
 };
 
 /// @param rows [here,count,3]
-inline void shade(const float* rows, int count, int here, const Float8* offset, Shade& out) {
+inline void shade(const Block& block, const float* rows, int count, int here, const Float8* offset, Shade& out) {
+  if (count == 1) {
+    Float8 only[3];
+    load_rows3(block.harmonics, only);
+    for (int c = 0; c < 3; ++c) out.colour[c] = kC0 * only[c] + 0.5f;
+    return;
+  }
   out.distance = sqrt8(dot3(offset, offset));
   for (int d = 0; d < 3; ++d) out.direction[d] = offset[d] / out.distance;
   Float8 basis[kMaxHarmonics];
   harmonics(out.direction, count, basis);
   std::memcpy(out.basis, basis, static_cast<std::size_t>(count) * sizeof(Float8));
+  float colour[3][kEight] = {};
   for (int i = 0; i < here; ++i) {
     const float* h = rows + 3 * count * i;
     float sum[3] = {0.5f, 0.5f, 0.5f};
     for (int k = 0; k < count; ++k) {
       for (int c = 0; c < 3; ++c) sum[c] += out.basis[k][i] * h[3 * k + c];
     }
-    for (int c = 0; c < 3; ++c) out.colour[c][i] = sum[c];
+    for (int c = 0; c < 3; ++c) colour[c][i] = sum[c];
   }
+  for (int c = 0; c < 3; ++c) out.colour[c] = load8(colour[c]);
 }
 
 // --- records ---------------------------------------------------------------------------------------------------------
@@ -278,34 +288,34 @@ inline Int8 find_visible(const Block& block, const Projected& p, const Extent& e
   return visible;
 }
 
-/// Writes the records of the visible Gaussians whose colours are finite.
+/// Writes the records. Gaussians that are not visible, or whose colours are not finite, are hidden.
 inline void write_records(const Projected& p, const Extent& e, const Shade& shading, Int8 visible, int here,
                           SplatRecord* records) {
   const Factors f = factors(p);
   const Float8 pixel_x = floor_of(p.u), pixel_y = floor_of(p.v);
-  const Float8 x = __builtin_convertvector(p.u - __builtin_convertvector(pixel_x, Double8), Float8);
-  const Float8 y = __builtin_convertvector(p.v - __builtin_convertvector(pixel_y, Double8), Float8);
+  const Float8 sum = shading.colour[0] + shading.colour[1] + shading.colour[2];
+  visible &= sum - sum == 0.0f;
+  const auto of = [](Int8 v) { return (Float8)v; };  // moved, never computed with
+  const Float8 low[kEight] = {of(__builtin_convertvector(pixel_x, Int8)),
+                              of(__builtin_convertvector(pixel_y, Int8)),
+                              __builtin_convertvector(p.u - __builtin_convertvector(pixel_x, Double8), Float8),
+                              __builtin_convertvector(p.v - __builtin_convertvector(pixel_y, Double8), Float8),
+                              f.a,
+                              f.b,
+                              f.c,
+                              e.log_opacity};
+  const Float8 high[kEight] = {max8(shading.colour[0], Float8{}),         max8(shading.colour[1], Float8{}),
+                               max8(shading.colour[2], Float8{}),         p.depth,
+                               of((e.x0 & 0xffff) | (e.x1 << 16)),        of((e.y0 & 0xffff) | (e.y1 << 16)),
+                               of(((Int8)e.square & visible) | ~visible), 1.0f / f.a};
+  static_assert(kHiddenSplat == 0xffffffffu && sizeof(SplatRecord) == 2 * sizeof(Float8));
+  static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "x0 and y0 are the low halves");
+  Float8 first[kEight], second[kEight];
+  transpose8(low, first);
+  transpose8(high, second);
   for (int i = 0; i < here; ++i) {
-    const float sum = shading.colour[0][i] + shading.colour[1][i] + shading.colour[2][i];
-    if (visible[i] == 0 || !(sum - sum == 0.0f)) continue;
-    SplatRecord& r = records[i];
-    r.pixel_x = static_cast<std::int32_t>(pixel_x[i]);
-    r.pixel_y = static_cast<std::int32_t>(pixel_y[i]);
-    r.x = x[i];
-    r.y = y[i];
-    r.a = f.a[i];
-    r.b = f.b[i];
-    r.c = f.c[i];
-    r.log_opacity = e.log_opacity[i];
-    for (int c = 0; c < 3; ++c) r.colour[c] = shading.colour[c][i] > 0.0f ? shading.colour[c][i] : 0.0f;
-    r.depth = p.depth[i];
-    r.x0 = static_cast<std::int16_t>(e.x0[i]);
-    r.x1 = static_cast<std::int16_t>(e.x1[i]);
-    r.y0 = static_cast<std::int16_t>(e.y0[i]);
-    r.y1 = static_cast<std::int16_t>(e.y1[i]);
-    r.inverse_a = 1.0f / f.a[i];
-    const float distance = e.square[i];
-    std::memcpy(&r.key, &distance, sizeof distance);
+    std::memcpy(records + i, first + i, sizeof first[i]);
+    std::memcpy(reinterpret_cast<char*>(records + i) + sizeof first[i], second + i, sizeof second[i]);
   }
 }
 
@@ -315,15 +325,17 @@ void project_splats(const SplatArrays& splats, const SplatCamera& camera, std::i
                     SplatRecord* records) {
   for (std::int64_t n = begin; n < end; n += kEight) {
     const int here = static_cast<int>(end - n < kEight ? end - n : kEight);
-    for (int i = 0; i < here; ++i) records[n + i].key = kHiddenSplat;
-    const Block block(splats, n, here);
+    const Block block(splats, camera.harmonics, n, here);
     Projected p;
     project(block, camera, p);
     const Extent extent = extent_of(p, camera);
     const Int8 visible = find_visible(block, p, extent, camera);
-    if (bits8(visible) == 0) continue;
+    if (bits8(visible) == 0) {
+      for (int i = 0; i < here; ++i) records[n + i].key = kHiddenSplat;
+      continue;
+    }
     Shade shading;
-    shade(splats.harmonics + 3 * camera.harmonics * n, camera.harmonics, here, p.offset, shading);
+    shade(block, splats.harmonics + 3 * camera.harmonics * n, camera.harmonics, here, p.offset, shading);
     write_records(p, extent, shading, visible, here, records + n);
   }
 }
@@ -356,8 +368,10 @@ inline Total total_of(const SplatSums* sums, const SplatSlots& at, std::int64_t 
   return t;
 }
 
-/// Asks for the sums of the next eight Gaussians, which lie anywhere in memory.
-inline void fetch_sums(const SplatSums* sums, const SplatSlots& at, std::int64_t n, std::int64_t end) {
+/// Asks for the sums of the next eight Gaussians, which lie anywhere in memory. GCC drops calls of a function that only
+/// prefetches, unless it must inline it.
+__attribute__((always_inline)) inline void fetch_sums(const SplatSums* sums, const SplatSlots& at, std::int64_t n,
+                                                      std::int64_t end) {
   const std::int64_t last = end < n + kEight ? end : n + kEight;
   if (n >= last) return;
   for (std::int32_t copy = at.first[n]; copy < at.first[last]; ++copy) __builtin_prefetch(sums + at.slots[copy]);
@@ -398,7 +412,8 @@ inline void axes_gradient(const Projected& p, Float8 (*to_axes)[3], ProjectedGra
     }
   }
   Float8 unit[4], g[4];
-  for (int d = 0; d < 4; ++d) unit[d] = p.quaternion[d] / p.length;
+  const Float8 inverse = 1.0f / p.length;
+  for (int d = 0; d < 4; ++d) unit[d] = p.quaternion[d] * inverse;
   const Float8 w = unit[0], x = unit[1], y = unit[2], z = unit[3];
   g[0] = 2.0f * (x * (r[2][1] - r[1][2]) + y * (r[0][2] - r[2][0]) + z * (r[1][0] - r[0][1]));
   g[1] = 2.0f *
@@ -408,7 +423,7 @@ inline void axes_gradient(const Projected& p, Float8 (*to_axes)[3], ProjectedGra
   g[3] = 2.0f *
          (x * (r[0][2] + r[2][0]) + y * (r[1][2] + r[2][1]) + w * (r[1][0] - r[0][1]) - 2.0f * z * (r[0][0] + r[1][1]));
   const Float8 radial = g[0] * w + g[1] * x + g[2] * y + g[3] * z;
-  for (int d = 0; d < 4; ++d) out.quaternion[d] = (g[d] - unit[d] * radial) / p.length;
+  for (int d = 0; d < 4; ++d) out.quaternion[d] = (g[d] - unit[d] * radial) * inverse;
 }
 
 /// Gradient of centre, depth and J to the position.
@@ -416,50 +431,77 @@ inline void position_gradient(const SplatCamera& camera, const Projected& p, con
                               ProjectedGradient& out) {
   const Factors f = factors(p);
   Float8 to_u = 2.0f * kLn2 * f.a * t.gs, to_v = 2.0f * kLn2 * (f.b * t.gs + f.c * t.gr), to_depth = t.depth;
+  const Float8 inverse = 1.0f / p.depth;
   Float8 last[3];
   for (int d = 0; d < 3; ++d) last[d] = eight(static_cast<float>(camera.matrix[8 + d]));
-  to_u -= where8(p.free_u, dot3(to_jacobian[0], last) / p.depth);
-  to_v -= where8(p.free_v, dot3(to_jacobian[1], last) / p.depth);
-  to_depth -= (dot3(to_jacobian[0], p.jacobian[0]) + dot3(to_jacobian[1], p.jacobian[1])) / p.depth;
+  to_u -= where8(p.free_u, dot3(to_jacobian[0], last) * inverse);
+  to_v -= where8(p.free_v, dot3(to_jacobian[1], last) * inverse);
+  to_depth -= (dot3(to_jacobian[0], p.jacobian[0]) + dot3(to_jacobian[1], p.jacobian[1])) * inverse;
   const double* m = camera.matrix;
   for (int d = 0; d < 3; ++d) {
-    const Float8 du = __builtin_convertvector(m[d] - p.u * m[8 + d], Float8) / p.depth;
-    const Float8 dv = __builtin_convertvector(m[4 + d] - p.v * m[8 + d], Float8) / p.depth;
+    const Float8 du = __builtin_convertvector(m[d] - p.u * m[8 + d], Float8) * inverse;
+    const Float8 dv = __builtin_convertvector(m[4 + d] - p.v * m[8 + d], Float8) * inverse;
     out.position[d] = to_u * du + to_v * dv + to_depth * last[d];
   }
 }
 
-/// Gradient of the colours to the harmonics, which are written, and to the position, which is added to.
-/// @param rows [here,count,3] @param first [here+1] of the slots @param to_rows as `rows`
-inline void colour_gradient(const float* rows, int count, const std::int32_t* first, int here, const Projected& p,
+/// Gaussians whose gradients are added to memory.
+struct Target {
+  int here;
+  Int8 drawn;                 ///< the others may hold NaN
+  const std::int32_t* first;  ///< [here+1] of the slots
+
+  Target(const std::int32_t* first_slot, int count) : here(count), drawn{}, first(first_slot) {
+    for (int i = 0; i < here; ++i) drawn[i] = first[i] == first[i + 1] ? 0 : -1;
+  }
+};
+
+/// Adds a vector for each of `kColumns` numbers to rows of them.
+template <int kColumns>
+inline void add_rows(const Float8* values, const Target& target, float* out) {
+  Float8 v[kColumns];
+  for (int d = 0; d < kColumns; ++d) v[d] = where8(target.drawn, values[d]);
+  if (target.here < kEight) {
+    for (int i = 0; i < target.here; ++i) {
+      for (int d = 0; d < kColumns; ++d) out[i * kColumns + d] += v[d][i];
+    }
+  } else if constexpr (kColumns == 1) {
+    store8(out, load8(out) + v[0]);
+  } else if constexpr (kColumns == 3) {
+    add_to_rows3(out, v);
+  } else {
+    static_assert(kColumns == 4);
+    add_to_rows4(out, v);
+  }
+}
+
+/// Adds the gradient of the colours to the harmonics, and to the position in `out`.
+/// @param rows [here,count,3] @param to_rows as `rows`
+inline void colour_gradient(const Block& block, const float* rows, int count, const Target& target, const Projected& p,
                             const Total& t, float* to_rows, ProjectedGradient& out) {
   Shade shading;
-  shade(rows, count, here, p.offset, shading);
+  shade(block, rows, count, target.here, p.offset, shading);
+  Float8 g[3];
+  for (int c = 0; c < 3; ++c) g[c] = where8(shading.colour[c] > 0.0f, t.colour[c]);
+  if (count == 1) {
+    for (Float8& x : g) x *= kC0;
+    add_rows<3>(g, target, to_rows);
+    return;
+  }
   Float8 through[kMaxHarmonics] = {};  // sum_c gradient_c h_kc
-  for (int i = 0; i < here; ++i) {
-    if (first[i] == first[i + 1]) continue;
-    float g[3];
-    for (int c = 0; c < 3; ++c) g[c] = shading.colour[c][i] > 0.0f ? t.colour[c][i] : 0.0f;
+  for (int i = 0; i < target.here; ++i) {
+    if (target.first[i] == target.first[i + 1]) continue;
     for (int k = 0; k < count; ++k) {
       const int at = 3 * (count * i + k);
-      through[k][i] = g[0] * rows[at] + g[1] * rows[at + 1] + g[2] * rows[at + 2];
-      for (int c = 0; c < 3; ++c) to_rows[at + c] += shading.basis[k][i] * g[c];
+      through[k][i] = g[0][i] * rows[at] + g[1][i] * rows[at + 1] + g[2][i] * rows[at + 2];
+      for (int c = 0; c < 3; ++c) to_rows[at + c] += shading.basis[k][i] * g[c][i];
     }
   }
-  if (count == 1) return;
   Float8 to_direction[3];
   harmonics_gradient(shading.direction, count, through, to_direction);
   const Float8 radial = dot3(to_direction, shading.direction);
   for (int d = 0; d < 3; ++d) {
     out.position[d] += (to_direction[d] - shading.direction[d] * radial) / shading.distance;
-  }
-}
-
-/// Adds to the rows of the Gaussians that are drawn: what the others hold may not be a number.
-inline void add_rows(const Float8* values, int columns, const std::int32_t* first, int here, float* out) {
-  for (int i = 0; i < here; ++i) {
-    if (first[i] == first[i + 1]) continue;
-    for (int d = 0; d < columns; ++d) out[i * columns + d] += values[d][i];
   }
 }
 
@@ -475,19 +517,21 @@ void project_splats_backward(const SplatArrays& splats, const SplatCamera& camer
     fetch_sums(sums, at, n + kEight, end);
     const Total total = total_of(sums, at, n, here);
     Projected p;
-    project(Block(splats, n, here), camera, p);
+    const Block block(splats, count, n, here);
+    const Target target(first, here);
+    project(block, camera, p);
     ProjectedGradient gradient;
     Float8 to_jacobian[2][3], to_axes[3][3];
     covariance_gradient(p, total, to_jacobian, to_axes);
     axes_gradient(p, to_axes, gradient);
     position_gradient(camera, p, total, to_jacobian, gradient);
-    colour_gradient(splats.harmonics + 3 * count * n, count, first, here, p, total, out.harmonics + 3 * count * n,
+    colour_gradient(block, splats.harmonics + 3 * count * n, count, target, p, total, out.harmonics + 3 * count * n,
                     gradient);
     const Float8 to_logit = total.g * p.hidden_part;
-    add_rows(gradient.position, 3, first, here, out.positions + 3 * n);
-    add_rows(gradient.quaternion, 4, first, here, out.rotations + 4 * n);
-    add_rows(gradient.log_scale, 3, first, here, out.log_scales + 3 * n);
-    add_rows(&to_logit, 1, first, here, out.opacities + n);
+    add_rows<3>(gradient.position, target, out.positions + 3 * n);
+    add_rows<4>(gradient.quaternion, target, out.rotations + 4 * n);
+    add_rows<3>(gradient.log_scale, target, out.log_scales + 3 * n);
+    add_rows<1>(&to_logit, target, out.opacities + n);
   }
 }
 

@@ -12,26 +12,33 @@ inline Float8 lane_numbers8() { return Float8{0, 1, 2, 3, 4, 5, 6, 7}; }
 
 // --- runs of eight pixels --------------------------------------------------------------------------------------------
 
-/// Eight rows of a Gaussian in a tile: the first pixel where the exponent may reach the threshold, and what a run
-/// holds.
+/// Eight rows of a Gaussian in a tile: the first pixel where the exponent may reach the threshold, and the run from
+/// there on.
 struct Rows {
-  Int8 first, count;  ///< count of runs
+  Int8 first;
+  Float8 along, half;  ///< the exponent reaches the threshold where |a dx + along| <= half
   Float8 s, exponent, r;
 };
 
 inline Rows find_rows(const SplatRecord& g, float shift, float width, float y) {
   Rows rows;
-  const Float8 dy = lane_numbers8() + y, along = g.b * dy;
+  const Float8 dy = lane_numbers8() + y;
+  rows.along = g.b * dy;
   rows.r = g.c * dy;
   rows.exponent = g.log_opacity - rows.r * rows.r;
-  const Float8 room = rows.exponent - kThreshold, half = sqrt8(max8(room, Float8{}));
-  const Float8 left = (-along - half) * g.inverse_a - shift, right = (half - along) * g.inverse_a - shift;
+  rows.half = sqrt8(max8(rows.exponent - kThreshold, Float8{}));
+  const Float8 left = (-rows.along - rows.half) * g.inverse_a - shift;
   // A margin of .01 keeps pixels that rounding would drop.
   rows.first = __builtin_convertvector(min8(max8(left, eight(-0.99f)) + 0.99f, eight(width)), Int8);
-  const Int8 end = __builtin_convertvector(min8(max8(right, eight(-1.0f)) + 1.01f, eight(width)), Int8);
-  rows.count = (room >= 0.0f) & ((end - rows.first + (kEight - 1)) >> 3);
-  rows.s = g.a * (__builtin_convertvector(rows.first, Float8) + shift) + along;
+  rows.s = g.a * (__builtin_convertvector(rows.first, Float8) + shift) + rows.along;
   return rows;
+}
+
+/// The number of runs of each row.
+inline Int8 count_runs(const Rows& rows, const SplatRecord& g, float shift, float width) {
+  const Float8 right = (rows.half - rows.along) * g.inverse_a - shift;
+  const Int8 end = __builtin_convertvector(min8(max8(right, eight(-1.0f)) + 1.01f, eight(width)), Int8);
+  return (end - rows.first + (kEight - 1)) >> 3;
 }
 
 /// For each set of lanes, given by its bits: their numbers in ascending order, then 0.
@@ -55,8 +62,12 @@ inline void store_lanes(T* out, V v, Int8 lanes) {
   std::memcpy(out, &packed, sizeof packed);
 }
 
-/// Adds the runs of a Gaussian behind the first n. @return their number
-inline int find_runs(const SplatTile& tile, std::int32_t number, SplatScratch& out, int n) {
+/// Adds the runs of a Gaussian behind the first n. Each row has one at least, be it of transparent pixels.
+/// @param place in the order @return the number of runs
+inline int find_runs(const SplatTile& tile, std::int64_t place, SplatScratch& out, int n) {
+  constexpr std::int64_t kAhead = 8;  // records lie anywhere in memory
+  __builtin_prefetch(tile.splats + tile.order[place + kAhead < tile.count ? place + kAhead : place]);
+  const std::int32_t number = tile.order[place];
   const SplatRecord& g = tile.splats[number];
   const int top = (g.y0 > tile.y0 ? g.y0 : tile.y0) - tile.y0;
   const int bottom = (g.y1 < tile.y1 - 1 ? g.y1 : tile.y1 - 1) - tile.y0;
@@ -72,10 +83,20 @@ inline int find_runs(const SplatTile& tile, std::int32_t number, SplatScratch& o
   const float step = kEight * g.a;
   for (int row = top; row <= bottom; row += kEight) {
     Rows rows = find_rows(g, shift, width, static_cast<float>(row) + from_centre);
-    rows.count &= numbers < bottom - row + 1;
+    const int here = bottom - row + 1 < kEight ? bottom - row + 1 : kEight;
     Int8 at = rows.first + (row * kStride + kStride * numbers);
-    for (int k = 0; k < columns; ++k) {
-      const unsigned bits = bits8(rows.count > k);
+    std::memcpy(out.splat + n, &splat, sizeof splat);
+    std::memcpy(out.at + n, &at, sizeof at);
+    store8(out.s + n, rows.s);
+    store8(out.exponent + n, rows.exponent);
+    store8(out.r + n, rows.r);
+    n += here;
+    if (columns <= 1) continue;
+    const Int8 count = count_runs(rows, g, shift, width) & (numbers < here);
+    for (int k = 1; k < columns; ++k) {
+      const unsigned bits = bits8(count > k);
+      at += kEight;
+      rows.s += step;
       Int8 lanes;
       std::memcpy(&lanes, kLaneLists.lanes[bits], sizeof lanes);
       std::memcpy(out.splat + n, &splat, sizeof splat);
@@ -84,8 +105,6 @@ inline int find_runs(const SplatTile& tile, std::int32_t number, SplatScratch& o
       store_lanes(out.exponent + n, rows.exponent, lanes);
       store_lanes(out.r + n, rows.r, lanes);
       n += __builtin_popcount(bits);
-      at += kEight;
-      rows.s += step;
     }
   }
   return n;
@@ -135,7 +154,7 @@ void draw(const SplatTile& tile, SplatScratch& scratch) {
   for (int k = 1; k < (kDepth ? 5 : 4); ++k) fill(scratch.planes[k], 0.0f);
   int count = 0;
   for (std::int64_t i = 0; i < tile.count; ++i) {
-    count = find_runs(tile, static_cast<std::int32_t>(i), scratch, count);
+    count = find_runs(tile, i, scratch, count);
     if (count < SplatScratch::kRunsAtOnce) continue;
     blend<kDepth>(tile.splats, count, scratch);
     count = 0;
@@ -263,11 +282,11 @@ void draw_splat_tile_backward(const SplatTile& tile, const ConstSplatPlanes& ima
     // The runs of several Gaussians first, so that the processor knows early how many each one has.
     int count = 0, splats = 0;
     for (; splats < kSplatsAtOnce && begin + splats < tile.count && count < SplatScratch::kRunsAtOnce; ++splats) {
-      count = find_runs(tile, static_cast<std::int32_t>(begin) + splats, scratch, count);
+      count = find_runs(tile, begin + splats, scratch, count);
       end[splats] = count;
     }
     for (int i = 0, run = 0; i < splats; run = end[i++]) {
-      const SplatRecord& g = tile.splats[begin + i];
+      const SplatRecord& g = tile.splats[tile.order[begin + i]];
       if (upstream.depth) {
         gather<true>(g, run, end[i], scratch, sums[begin + i]);
       } else {
