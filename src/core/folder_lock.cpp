@@ -13,6 +13,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/core/process.h"
 #include "doppel/core/temporary_name.h"
 
 namespace doppel {
@@ -22,11 +23,6 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr char kLockName[] = ".doppel-lock";
-
-std::string host_name() {
-  std::array<char, 256> name{};
-  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "an unknown host";
-}
 
 /// What the owner wrote: its process number and its host.
 std::string owner_of(int file) {

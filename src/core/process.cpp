@@ -3,6 +3,7 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cstdlib>
 #include <exception>
@@ -111,6 +112,11 @@ double private_megabytes() {
   double total_pages = 0.0, resident_pages = 0.0, file_pages = 0.0;
   if (!(statm >> total_pages >> resident_pages >> file_pages)) return 0.0;
   return (resident_pages - file_pages) * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
+}
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "an unknown host";
 }
 
 bool stop_requested() { return stop_wanted.load(std::memory_order_relaxed); }

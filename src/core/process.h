@@ -1,13 +1,14 @@
 #pragma once
 
+#include <string>
+
 namespace doppel {
 
 /// Sets up the process for numeric work. Call it once, at the start of `main`.
 /// - The process keeps large freed blocks instead of returning them to the system: the page faults of a new 40 MB
 ///   tensor cost more than the arithmetic of most kernels.
 /// - A lack of memory that nothing can catch, say in a library's thread, is a sentence and exit code 1.
-/// - Ctrl-C, SIGTERM and SIGHUP (unless nohup) are requests for `stop_requested`; a second one ends the process at
-/// once.
+/// - Ctrl-C, SIGTERM and SIGHUP (unless nohup) are requests for `stop_requested`; a second one ends the process at once.
 void setup_process();
 
 /// Starts the program once more, with environment variables set that libraries read while they are loaded, which is
@@ -28,6 +29,9 @@ int resolve_threads(int requested);
 /// Main memory that the process itself holds now, in megabytes (2^20 bytes). Pages of mapped files are not counted,
 /// because the system can reclaim them. 0 on systems that do not report it; Linux does.
 double private_megabytes();
+
+/// The name of the machine, as `uname -n` prints it; "an unknown host" if the system does not tell.
+std::string host_name();
 
 /// True after Ctrl-C, SIGTERM or SIGHUP. Long jobs test it between steps, write a checkpoint and return.
 bool stop_requested();

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <array>
 #include <atomic>
 #include <cerrno>
 #include <charconv>
@@ -14,6 +13,7 @@
 
 #include "doppel/core/crc32c.h"
 #include "doppel/core/error.h"
+#include "doppel/core/process.h"
 
 namespace doppel {
 
@@ -33,9 +33,8 @@ int flush(const fs::path& path, int flags) {
 /// Starts the temporary names of this machine.
 const std::string& machine_prefix() {
   static const std::string kPrefix = [] {
-    std::array<char, 256> name{};
-    gethostname(name.data(), name.size() - 1);
-    return fmt::format(".doppel-{:08x}-", crc32c(name.data(), std::strlen(name.data())));
+    const std::string host = host_name();
+    return fmt::format(".doppel-{:08x}-", crc32c(host.data(), host.size()));
   }();
   return kPrefix;
 }

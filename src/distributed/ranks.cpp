@@ -24,9 +24,7 @@ constexpr std::chrono::milliseconds kPoll{50};
 constexpr std::int64_t kShortBytes = 1 << 20;
 
 std::string own_name(int rank) {
-  char host[256] = "";
-  gethostname(host, sizeof(host) - 1);
-  return fmt::format("rank {} (process {} on {})", rank, static_cast<long>(getpid()), host);
+  return fmt::format("rank {} (process {} on {})", rank, static_cast<long>(getpid()), host_name());
 }
 
 std::string first_difference(const std::string& here, const std::string& there) {

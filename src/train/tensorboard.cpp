@@ -6,6 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/core/crc32c.h"
+#include "doppel/core/process.h"
 #include "tensorboard.pb.h"
 
 namespace doppel {
@@ -34,9 +35,7 @@ tensorboard::Event make_event(std::int64_t step) {
 
 std::filesystem::path new_file(const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder);
-  char host[256] = "host";
-  gethostname(host, sizeof(host) - 1);
-  return folder / fmt::format("events.out.tfevents.{}.{}.{}", static_cast<long>(now()), host, getpid());
+  return folder / fmt::format("events.out.tfevents.{}.{}.{}", static_cast<long>(now()), host_name(), getpid());
 }
 
 }  // namespace
