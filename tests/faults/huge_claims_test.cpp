@@ -8,6 +8,7 @@
 #include "faults/program_run.h"
 #include "support/gltf_writer.h"
 #include "support/hostile_files.h"
+#include "support/number_bytes.h"
 #include "support/png_writer.h"
 #include "support/temporary_folder.h"
 

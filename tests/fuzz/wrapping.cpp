@@ -9,7 +9,7 @@
 #include "doppel/detect/networks/onnx_message.h"
 #include "fuzz/fuzz_target.h"
 #include "io/motion_import/motion_writers.h"
-#include "support/png_writer.h"
+#include "support/number_bytes.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::fuzz {

@@ -12,6 +12,7 @@
 #include "doppel/geometry/image_orientation.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"
+#include "support/number_bytes.h"
 #include "support/oriented_image.h"
 #include "support/temporary_folder.h"
 

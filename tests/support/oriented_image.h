@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "support/number_bytes.h"
 #include "support/png_writer.h"
 
 /// Image files whose EXIF data turn them, byte by byte, so that no reader of EXIF data is needed.

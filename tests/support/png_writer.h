@@ -4,14 +4,10 @@
 #include <string>
 #include <vector>
 
+#include "support/number_bytes.h"
+
 /// PNG files of the kinds that OpenCV reads, but does not write: palettes, few bits, grey with alpha.
 namespace doppel::support {
-
-inline std::string number_bytes(std::uint64_t value, int width, bool big_endian) {
-  std::string bytes;
-  for (int i = 0; i < width; ++i) bytes += static_cast<char>(value >> 8 * (big_endian ? width - 1 - i : i) & 0xff);
-  return bytes;
-}
 
 inline std::string png_chunk(const std::string& name, const std::string& data) {
   std::uint32_t sum = ~0u;

@@ -6,7 +6,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "support/hostile_files.h"
-#include "support/png_writer.h"
+#include "support/number_bytes.h"
 
 namespace doppel::support {
 

@@ -10,13 +10,12 @@
 #include <vector>
 
 #include "doppel/core/npy.h"
+#include "support/number_bytes.h"
 
 /// Small writers of motion files, from the formats' own descriptions: independent of the readers.
 namespace doppel::support {
 
-inline void put(std::string& bytes, std::uint32_t value, int count) {
-  for (int i = 0; i < count; ++i) bytes += static_cast<char>(value >> (8 * i) & 0xff);
-}
+inline void put(std::string& bytes, std::uint32_t value, int count) { bytes += number_bytes(value, count, false); }
 
 /// A zip archive of `.npy` files (APPNOTE.TXT 4.3).
 class NpzWriter {
