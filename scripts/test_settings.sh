@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# Runs the tests under other instruction sets, other kernels of OpenBLAS, two threads, and beside a busy core, and prints
-# a table. Numeric bounds must hold under each: they follow from the arithmetic, not from one processor.
+# Runs the tests as other processors would, with two threads, and beside a busy core, and prints a table. Numeric bounds
+# must hold under each: they follow from the arithmetic, not from one processor.
 #   scripts/test_settings.sh [CTEST OPTION ...]     e.g. -R '^(layers|render)$'; default: all tests but those of pages,
 #                                                   which take minutes each and check no bounds
-# Settings that the processor does not have are skipped, and the table says so. Needs scripts/test.sh once before.
+# SETTINGS names the rows: plain (kernels for any processor, OpenBLAS for Nehalem), haswell and zen (AVX2), skylakex
+# (AVX-512), threads (two threads beside a busy core); default: all. A row that the processor cannot run is skipped, and
+# the table says so. Needs scripts/test.sh once before.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 selection=("$@")
@@ -16,17 +18,20 @@ has() { grep -qw "$1" /proc/cpuinfo; }
 
 # row NAME COMMAND ...: the tests, run by COMMAND
 row() {
-  local name="$1" log="$folder/${1//[ ,]/_}.log" started=$SECONDS failed
+  local name="$1" log="$folder/${1//[ ,:]/_}.log" started=$SECONDS failed
   "${@:2}" ctest --preset release --parallel "$(nproc)" "${selection[@]}" >"$log" 2>&1 || true
   failed="$(sed -n 's/^[\t ]*[0-9]* - \([^ ]*\) (.*/\1/p' "$log" | paste -sd' ')"
   echo "| $name | $(grep -o '[0-9]*% tests passed, [0-9]* tests failed out of [0-9]*' "$log" || echo "did not run") |" \
     "${failed:--} | $(((SECONDS - started + 59) / 60)) |"
 }
-skipped() { echo "| $1 | skipped: the processor lacks $2 | | |"; }
 
-# row_of FEATURE NAME VARIABLE=VALUE ...: a row where the processor has FEATURE
-row_of() {
-  if has "$1"; then row "$2" env "${@:3}"; else skipped "$2" "$1"; fi
+# processor NAME FEATURE ISA CORE: a row with our kernels for ISA and those of OpenBLAS for CORE
+processor() {
+  if has "$2"; then
+    row "$1" env DOPPEL_ISA="$3" OPENBLAS_CORETYPE="$4"
+  else
+    echo "| $1 | skipped: the processor lacks $2 | | |"
+  fi
 }
 
 beside_a_busy_core() {
@@ -39,12 +44,13 @@ beside_a_busy_core() {
 
 echo "| setting | tests | failed | minutes |"
 echo "|---|---|---|---:|"
-row "plain kernels" env DOPPEL_ISA=plain
-row_of avx2 "AVX2 kernels" DOPPEL_ISA=avx2
-row_of avx512f "AVX-512 kernels" DOPPEL_ISA=avx512
-row_of sse4_2 "OpenBLAS Nehalem" OPENBLAS_CORETYPE=Nehalem
-row_of avx2 "OpenBLAS Haswell" OPENBLAS_CORETYPE=Haswell
-row_of avx2 "OpenBLAS Zen" OPENBLAS_CORETYPE=Zen
-row_of avx512f "OpenBLAS SkylakeX" OPENBLAS_CORETYPE=SkylakeX
-row "two threads" env OMP_NUM_THREADS=2
-row "beside a busy core" beside_a_busy_core
+for setting in ${SETTINGS:-plain haswell zen skylakex threads}; do
+  case "$setting" in
+    plain) processor "no AVX: plain kernels, OpenBLAS Nehalem" sse4_2 plain Nehalem ;;
+    haswell) processor "AVX2, OpenBLAS Haswell" avx2 avx2 Haswell ;;
+    zen) processor "AVX2, OpenBLAS Zen" avx2 avx2 Zen ;;
+    skylakex) processor "AVX-512, OpenBLAS SkylakeX" avx512f avx512 SkylakeX ;;
+    threads) row "two threads, beside a busy core" beside_a_busy_core env OMP_NUM_THREADS=2 ;;
+    *) echo "test_settings.sh: there is no setting '$setting'; see the head of the script" >&2 && exit 2 ;;
+  esac
+done

@@ -279,7 +279,7 @@ TEST(Livecap, TermsOfWeightZeroAreOff) {
   const Scene scene;
   LivecapOptions options;
   options.joint_weight = options.silhouette_weight = options.temporal_weight = options.limit_weight = 0.0;
-  options.prior_weight = options.steady_weight = 0.0;
+  options.prior_weight = options.steady_weight = options.motion.turn_weight = 0.0;
   options.surface = false;
   LivecapTracker tracker = scene.tracker(options);
   tracker.track(scene.see(scene.ground_truth(0)));
