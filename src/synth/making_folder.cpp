@@ -69,9 +69,18 @@ void MakingFolder::publish() {
   const bool replaces = fs::exists(target_);
   lock_.reset();
   if (replaces) fs::rename(target_, old);
-  fs::rename(making_, target_);
-  fs::remove(target_ / kWorkFile);
-  fs::remove_all(old);
+  std::error_code code;
+  fs::rename(making_, target_, code);
+  if (code) {
+    std::error_code ignored;
+    if (replaces) fs::rename(old, target_, ignored);
+    fail("doppel synth: renaming {} to {}: {}; give the same command again", making_.string(), target_.string(),
+         code.message());
+  }
+  // The capture is complete, so what cannot be removed is no failure.
+  fs::remove(target_ / kWorkFile, code);
+  if (replaces && !code) fs::remove_all(old, code);
+  if (code) log::warn("{} or {} could not be removed: {}", (target_ / kWorkFile).string(), old.string(), code.message());
 }
 
 }  // namespace doppel::synth

@@ -126,7 +126,8 @@ class Sweep {
     for (const auto& [name, content] : found)
       if (is_leftover(name)) return name + " is left: " + ending.err;
     for (const auto& entry : fs::directory_iterator(work_.folder()))
-      if (is_leftover(entry.path().filename().string())) return entry.path().filename().string() + " is left";
+      if (is_leftover(entry.path().filename().string()) && (ending.succeeded() || entry.path() != unfinished()))
+        return entry.path().filename().string() + " is left";
     if (ending.succeeded()) {
       const std::string lost = difference(found, whole_);
       return lost.empty() ? "" : fmt::format("a silent loss: {}: {}", lost, ending.err);
@@ -155,8 +156,12 @@ class Sweep {
     return "";
   }
 
+  /// Where `synth` leaves what the next run goes on with.
+  fs::path unfinished() const { return work_.at(".out.making"); }
+
   std::string after_another_run(const Ending& first) {
-    if (first.succeeded() || state_of(out_) == before_) return "";  // another run would be the undisturbed one
+    if (first.succeeded()) return "";
+    if (state_of(out_) == before_ && !fs::exists(unfinished())) return "";  // another run is the undisturbed one
     if (recipe_.into_empty) fs::remove_all(out_);
     const Ending ending = run(recipe_.with_out(out_));
     if (!ending.succeeded()) return fmt::format("it does not run again: {}\nbefore: {}", ending.err, first.err);

@@ -192,7 +192,7 @@ TEST(OtherBody, WearsClothThatStaysOutOfIt) {
     motion.frames.back()[thigh] = 1.2 * std::clamp((f - lead) / 12.0, 0.0, 1.0);
     motion.ids.push_back(f);
   }
-  const synth::Take take = synth::perform(actor, motion, 25, {.model = synth::ClothModel::xpbd});
+  const synth::Take take = synth::perform(actor, motion, 25, {synth::ClothModel::xpbd, {}});
   const std::vector<synth::Points> rigid = synth::skin_motion(actor.character, take.motion, {});
   const std::vector<synth::ClothRole> roles = synth::cloth_roles(actor, synth::XpbdOptions{}.pinned);
   EXPECT_EQ(roles, synth::cloth_roles(own_actor(), synth::XpbdOptions{}.pinned));
