@@ -4,6 +4,7 @@
 #include <charconv>
 #include <limits>
 #include <map>
+#include <span>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/text_reader.h"
@@ -118,7 +119,7 @@ class ObjFileReader {
   }
 
   void read_uv() {
-    const double u = reader_.number(1, "u"), v = reader_.number(2, "v");
+    const double u = reader_.number(1, "u"), v = reader_.tokens().size() > 2 ? reader_.number(2, "v") : 0.0;
     file_.uvs.emplace_back(u, v);
   }
 
@@ -145,7 +146,9 @@ class ObjFileReader {
   }
 
   void read_face() {
-    const auto& tokens = reader_.tokens();
+    std::span<const std::string_view> tokens = reader_.tokens();
+    const auto comment = std::find_if(tokens.begin(), tokens.end(), [](std::string_view t) { return t[0] == '#'; });
+    tokens = tokens.first(as_size(comment - tokens.begin()));
     if (tokens.size() < 4)
       reader_.fail_here("reading a mesh: a face needs at least 3 corners, found {}", tokens.size() - 1);
     const std::pair<int, int> first = parse_corner(tokens[1]);

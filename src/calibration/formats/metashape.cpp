@@ -152,7 +152,9 @@ class MetashapeReader {
     const double p1 = coefficient("p2"), p2 = coefficient("p1");
     if (!fisheye) {
       const double all[6] = {k[0], k[1], p1, p2, k[2], k[3]};
-      return set_distortion(camera, Lens::polynomial, all, values.where());
+      const bool has_k4 = k[3] != 0.0;
+      return set_distortion(camera, has_k4 ? Lens::polynomial : Lens::opencv, std::span(all, has_k4 ? 6 : 5),
+                            values.where());
     }
     if (p1 != 0.0 || p2 != 0.0)
       values.fail_here("a fisheye lens with p1 {} and p2 {} cannot be expressed, only 0 can be read", p2, p1);
@@ -190,14 +192,14 @@ class MetashapeReader {
     return world;
   }
 
-  /// A transform with a scale leads to metres and to a world whose z is up, unless this is the earth's.
+  /// A transform with a scale leads to metres and to a world whose z is up, unless this is the earth's: with every
+  /// reference but a local one, the transform leads to the earth's centre.
   void settle_world() {
     calibration_.has_scale = without_world_ == 0;
     if (!calibration_.has_scale) return;
     calibration_.unit = "m";
     const std::string reference = XmlPart(file_, chunk_, "the chunk").text_or("reference", "");
-    const bool geocentric = reference.rfind("GEOGCS", 0) == 0 || reference.rfind("GEOCCS", 0) == 0;
-    if (!geocentric) calibration_.up = "+z";
+    if (reference.empty() || reference.starts_with("LOCAL_CS")) calibration_.up = "+z";
   }
 
   void note_left_out() {

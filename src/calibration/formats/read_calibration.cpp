@@ -158,8 +158,9 @@ const CalibrationFormat& writer(const fs::path& path, const std::string& name) {
       path.string(), extension, names_of(true));
 }
 
-/// Writes into a folder beside `path` that takes its name when it is complete.
-void write_folder(const fs::path& path, const std::vector<Camera>& cameras, const CalibrationFormat& format) {
+/// Writes into a folder beside `given` that takes its name when it is complete.
+void write_folder(const fs::path& given, const std::vector<Camera>& cameras, const CalibrationFormat& format) {
+  const fs::path path = given.has_filename() ? given : given.parent_path();  // a slash at the end
   if (fs::exists(path) && !(fs::is_directory(path) && fs::is_empty(path)))
     fail<UsageError>("writing {}: this exists; the format {} writes a new folder", path.string(), format.name());
   const fs::path making = path.parent_path() / fmt::format(".{}.making-{}", path.filename().string(), getpid());
@@ -167,12 +168,12 @@ void write_folder(const fs::path& path, const std::vector<Camera>& cameras, cons
   fs::create_directories(making);
   try {
     format.write(making, cameras);
+    fs::remove(path);
+    fs::rename(making, path);
   } catch (...) {
     fs::remove_all(making);
     throw;
   }
-  fs::remove(path);
-  fs::rename(making, path);
 }
 
 Calibration load_posed(const fs::path& path, const CalibrationOptions& options) {

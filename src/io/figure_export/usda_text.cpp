@@ -7,6 +7,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/geometry/image_file.h"
+#include "doppel/io/scene/srgb.h"
 
 namespace doppel {
 
@@ -79,6 +80,14 @@ std::string usda_topology(const std::string& root, const TriangleMesh& mesh, boo
   text += "        int[] faceVertexCounts = " +
           usda_list(mesh.faces, [](std::string& out, const Triangle&) { out += '3'; }) + "\n" +
           "        int[] faceVertexIndices = " + usda_list(mesh.faces, triple) + "\n";
+  if (!textured && !mesh.colours.empty()) {
+    const auto linear = [](std::string& out, const Eigen::Vector3d& c) {
+      fmt::format_to(std::back_inserter(out), "({:.5g}, {:.5g}, {:.5g})", linear_of_srgb(c.x()), linear_of_srgb(c.y()),
+                     linear_of_srgb(c.z()));
+    };
+    text += "        color3f[] primvars:displayColor = " + usda_list(mesh.colours, linear) +
+            " (\n            interpolation = \"vertex\"\n        )\n";
+  }
   if (mesh.uvs.empty() || mesh.face_uvs.empty()) return text;
   return text + "        texCoord2f[] primvars:st = " + usda_list(mesh.uvs, pair) +
          " (\n            interpolation = \"faceVarying\"\n        )\n" +

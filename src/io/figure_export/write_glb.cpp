@@ -11,6 +11,7 @@
 #include "doppel/io/figure_export/surface_normals.h"
 #include "doppel/io/figure_export/vrm.h"
 #include "doppel/io/figure_export/write_figure.h"
+#include "doppel/io/scene/srgb.h"
 
 namespace doppel {
 namespace {
@@ -144,8 +145,9 @@ class GlbWriter {
       primitive.attributes["TEXCOORD_0"] = buffer_.floats(uvs, 2, false, kVertexTarget);
       material.pbrMetallicRoughness.baseColorTexture.index = add_texture();
     } else if (!mesh.colours.empty()) {
-      primitive.attributes["COLOR_0"] = buffer_.floats(
-          spread(split, 3, [&](std::size_t v, int i) { return mesh.colours[v][i]; }), 3, false, kVertexTarget);
+      primitive.attributes["COLOR_0"] =
+          buffer_.floats(spread(split, 3, [&](std::size_t v, int i) { return linear_of_srgb(mesh.colours[v][i]); }), 3,
+                         false, kVertexTarget);
     }
     model_.materials.push_back(material);
     return 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <map>
 #include <optional>
@@ -185,6 +186,29 @@ class ColladaGuard {
 
 void refuse_what_assimp_trusts(const std::filesystem::path& path, const std::string& text) {
   ColladaGuard(path, text).check();
+}
+
+ColladaAsset collada_asset(const std::string& text) {
+  ColladaAsset asset;
+  bool unit = false, axis = false;
+  for (std::size_t at = text.find('<'); at != std::string::npos && !(unit && axis); at = text.find('<', at)) {
+    const std::size_t end = end_of_tag(text, at);
+    if (end == std::string::npos) break;
+    const std::string_view tag = std::string_view(text).substr(at, end - at);
+    if (!unit && (tag.starts_with("<unit ") || tag.starts_with("<unit\t") || tag.starts_with("<unit\n"))) {
+      const auto metres = parse_number(attribute_of(tag, "meter").value_or("1"));
+      if (metres && *metres > 0 && std::isfinite(*metres)) asset.metres_per_unit = *metres;
+      unit = true;
+    }
+    if (!axis && tag.starts_with("<up_axis")) {
+      const std::size_t letter = text.find_first_of("XYZ", end);
+      if (letter != std::string::npos && text.compare(letter + 1, 3, "_UP") == 0)
+        asset.up = static_cast<char>(text[letter] - 'X' + 'x');
+      axis = true;
+    }
+    at = end;
+  }
+  return asset;
 }
 
 }  // namespace doppel

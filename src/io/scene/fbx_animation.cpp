@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <set>
 
 #include "doppel/core/as_size.h"
@@ -16,6 +17,10 @@ constexpr std::int64_t kConstantKey = 0x2, kCubicKey = 0x8;
 /// Largest angle between two samples of a rotation, degrees: between them the shortest arc replaces the Euler angles.
 constexpr double kMaxTurn = 3.0;
 constexpr int kPiecesOfCubic = 16;
+/// Seconds. Half a turn in less time is a change of the Euler angles, not of the rotation.
+constexpr double kFrame = 0.1;
+/// A value that is held ends so near to the next key, as a part of the piece.
+constexpr double kHeldEnd = 1e-3;
 
 /// One number over time.
 struct Curve {
@@ -63,7 +68,7 @@ void read_attributes(const FbxRecord& record, Curve& curve) {
     }
 }
 
-Curve read_curve(const FbxRecord& record, double fallback) {
+Curve read_curve(const FbxRecord& record, double fallback, double ticks_per_second) {
   Curve curve;
   curve.fallback = fallback;
   const FbxRecord *times = record.child("KeyTime"), *values = record.child("KeyValueFloat");
@@ -72,7 +77,7 @@ Curve read_curve(const FbxRecord& record, double fallback) {
   curve.values = values->numbers();
   curve.values.resize(std::min(ticks.size(), curve.values.size()));
   for (std::size_t k = 0; k < curve.values.size(); ++k)
-    curve.times.push_back(static_cast<double>(ticks[k]) / kFbxTicksPerSecond);
+    curve.times.push_back(static_cast<double>(ticks[k]) / ticks_per_second);
   read_attributes(record, curve);
   return curve;
 }
@@ -86,20 +91,25 @@ std::vector<double> sample_times(const std::array<Curve, 3>& curves, bool angles
     times.push_back(*key);
     const auto next = std::next(key);
     if (next == keys.end()) break;
-    int pieces = 1;
+    const double gap = *next - *key;
+    double pieces = 1.0;
+    bool held = false;
     for (const Curve& curve : curves) {
       const auto after = std::upper_bound(curve.times.begin(), curve.times.end(), *key);
       if (after == curve.times.begin() || after == curve.times.end()) continue;
       const auto k = as_size(after - curve.times.begin() - 1);
-      if (curve.flags[k] & kConstantKey) continue;
-      if (curve.cubic(k)) pieces = std::max(pieces, kPiecesOfCubic);
+      if (curve.flags[k] & kConstantKey) {
+        held = held || (curve.times[k + 1] == *next && curve.values[k + 1] != curve.values[k]);
+        continue;
+      }
+      if (curve.cubic(k)) pieces = std::max(pieces, double(kPiecesOfCubic));
       const double turn = std::abs(curve.at(*next) - curve.at(*key));
-      // Half a turn within a piece is a change of the Euler angles, not of the rotation.
-      if (angles && turn < 180.0) pieces = std::max(pieces, static_cast<int>(std::ceil(turn / kMaxTurn)));
+      if (angles && (turn < 180.0 || gap > kFrame)) pieces = std::max(pieces, std::ceil(turn / kMaxTurn));
     }
-    if (times.size() > static_cast<std::size_t>(limits.keys))
+    if (static_cast<double>(times.size()) + pieces > static_cast<double>(limits.keys))
       fail("the animations have more than {} keys", limits.keys);
-    for (int i = 1; i < pieces; ++i) times.push_back(*key + (*next - *key) * i / pieces);
+    for (int i = 1; i < pieces; ++i) times.push_back(*key + gap * i / pieces);
+    if (held) times.push_back(*next - kHeldEnd * gap / pieces);
   }
   return times;
 }
@@ -119,7 +129,8 @@ Eigen::Vector3d model_default(const FbxRecord& model, const std::string& propert
 }
 
 SceneChannel read_fbx_channel(const FbxObjects& objects, const FbxRecord& curve_node, const FbxRecord& model,
-                              const std::string& property, std::set<double>& keys, const SceneLimits& limits) {
+                              const std::string& property, double ticks_per_second, std::set<double>& keys,
+                              const SceneLimits& limits) {
   static const std::array<const char*, 3> kAxes{"d|X", "d|Y", "d|Z"};
   const Eigen::Vector3d usual = model_default(model, property);
   std::array<Curve, 3> curves;
@@ -127,7 +138,7 @@ SceneChannel read_fbx_channel(const FbxObjects& objects, const FbxRecord& curve_
     const char* name = kAxes[axis];
     curves[axis].fallback = fbx_number(curve_node, name, usual[axis]);
     const auto found = objects.below(curve_node, "AnimationCurve", name);
-    if (!found.empty()) curves[axis] = read_curve(*found[0], curves[axis].fallback);
+    if (!found.empty()) curves[axis] = read_curve(*found[0], curves[axis].fallback, ticks_per_second);
     keys.insert(curves[axis].times.begin(), curves[axis].times.end());
   }
   SceneChannel channel;
@@ -157,7 +168,20 @@ Eigen::Quaterniond fbx_rotation(int order, const Eigen::Vector3d& degrees) {
   return rotation;
 }
 
-std::vector<SceneAnimation> read_fbx_animations(const FbxObjects& objects,
+double fbx_ticks_per_second(const FbxRecord& root) {
+  constexpr double kNewTicks = 141120000.0, kOldDefinition = 127;
+  const auto number = [](const FbxRecord* parent, const char* name) {
+    const FbxRecord* record = parent ? parent->child(name) : nullptr;
+    return record ? std::optional(record->number(0)) : std::nullopt;
+  };
+  const FbxRecord* header = root.child("FBXHeaderExtension");
+  const auto definition = number(header ? header->child("OtherFlags") : nullptr, "TCDefinition");
+  const double version = number(header, "FBXVersion").value_or(0.0);
+  const bool is_new = version >= 8000 || (version >= 7700 && definition && *definition != kOldDefinition);
+  return is_new ? kNewTicks : kFbxTicksPerSecond;
+}
+
+std::vector<SceneAnimation> read_fbx_animations(const FbxObjects& objects, double ticks_per_second,
                                                 const std::map<const FbxRecord*, int>& node_of,
                                                 std::vector<std::string>& warnings, const SceneLimits& limits) {
   std::vector<SceneAnimation> animations;
@@ -175,7 +199,8 @@ std::vector<SceneAnimation> read_fbx_animations(const FbxObjects& objects,
         const auto node = node_of.find(model);
         if (node == node_of.end()) continue;
         if (property != "Lcl Translation" && property != "Lcl Rotation" && property != "Lcl Scaling") continue;
-        SceneChannel channel = read_fbx_channel(objects, *curve_node, *model, property, own_keys, limits);
+        SceneChannel channel =
+            read_fbx_channel(objects, *curve_node, *model, property, ticks_per_second, own_keys, limits);
         channel.node = node->second;
         keys += static_cast<std::int64_t>(channel.times.size());
         if (keys > limits.keys) fail("the animations have more than {} keys", limits.keys);

@@ -301,9 +301,4 @@ void finish_scene(const fs::path& path, Scene& scene, const SceneLimits& limits)
   check_animations(where, scene);
 }
 
-double srgb(double linear) {
-  const double x = std::clamp(linear, 0.0, 1.0);
-  return x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - 0.055;
-}
-
 }  // namespace doppel

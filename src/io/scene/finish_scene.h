@@ -37,7 +37,4 @@ void split_polygon(int corners, const Emit& emit) {
   for (int i = 2; i < corners; ++i) emit(0, i - 1, i);
 }
 
-/// Linear intensity 0..1 as the sRGB value of images.
-double srgb(double linear);
-
 }  // namespace doppel

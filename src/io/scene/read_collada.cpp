@@ -104,17 +104,10 @@ class ColladaReader {
 };
 
 /// Collada says unit and up axis in its `asset`, which assimp does not hand on.
-void ColladaReader::read_unit_and_axis(const std::string& file) {
-  const std::string text = file.substr(0, 1 << 16);
-  scene_.metres_per_unit = 1.0;
-  scene_.up = 'y';
-  if (const std::size_t unit = text.find("<unit"); unit != std::string::npos) {
-    const std::size_t meter = text.find("meter=\"", unit);
-    const double value = meter < text.find('>', unit) ? std::atof(text.c_str() + meter + 7) : 1.0;
-    if (value > 0 && std::isfinite(value)) scene_.metres_per_unit = value;
-  }
-  if (text.find("Z_UP") != std::string::npos) scene_.up = 'z';
-  if (text.find("X_UP") != std::string::npos) scene_.up = 'x';
+void ColladaReader::read_unit_and_axis(const std::string& text) {
+  const ColladaAsset asset = collada_asset(text);
+  scene_.metres_per_unit = asset.metres_per_unit;
+  scene_.up = asset.up;
 }
 
 void ColladaReader::read_node(const aiNode& node, int parent) {
@@ -123,7 +116,10 @@ void ColladaReader::read_node(const aiNode& node, int parent) {
   SceneNode result;
   result.name = node.mName.C_Str();
   result.parent = parent;
-  set_transform(to_affine(node.mTransformation), result);
+  Eigen::Affine3d transform = to_affine(node.mTransformation);
+  // assimp multiplies the root by the unit; a Scene has the lengths of the file.
+  if (parent < 0) transform = Eigen::Scaling(1.0 / scene_.metres_per_unit.value_or(1.0)) * transform;
+  set_transform(transform, result);
   const int index = static_cast<int>(scene_.nodes.size());
   node_by_name_.emplace(result.name, index);
   scene_.nodes.push_back(result);

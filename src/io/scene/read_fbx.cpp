@@ -9,6 +9,7 @@
 #include "doppel/io/scene/finish_scene.h"
 #include "doppel/io/scene/readers.h"
 #include "doppel/io/scene/scene_images.h"
+#include "doppel/io/scene/srgb.h"
 
 namespace doppel {
 
@@ -67,7 +68,8 @@ class FbxReader {
     read_models();
     read_surfaces();
     try {
-      scene_.animations = read_fbx_animations(objects_, node_of_, scene_.warnings, limits_);
+      scene_.animations =
+          read_fbx_animations(objects_, fbx_ticks_per_second(root_), node_of_, scene_.warnings, limits_);
     } catch (const FileError&) {
       throw;
     } catch (const Error& e) {
@@ -90,6 +92,10 @@ class FbxReader {
   void read_surface(const FbxRecord& model, const FbxRecord& geometry);
   void read_polygons(const FbxRecord& geometry, ScenePrimitive& primitive);
   void read_layers(const FbxRecord& geometry, const FbxRecord& model, ScenePrimitive& primitive);
+  std::vector<Triangle> layer_indices(const FbxRecord& layer, const char* index_name, std::size_t count,
+                                      const std::string& surface, const char* element) const;
+  void read_uvs(const FbxRecord& geometry, ScenePrimitive& primitive) const;
+  void read_colours(const FbxRecord& geometry, ScenePrimitive& primitive) const;
   int read_skin(const FbxRecord& model, const FbxRecord& geometry, ScenePrimitive& primitive);
   void add_cluster(const FbxRecord& cluster, const FbxRecord& model, SceneSkin& skin, std::vector<JointWeights>& rows);
   void check_bind_poses(const FbxRecord& model, const std::vector<const FbxRecord*>& clusters, SceneSkin& skin);
@@ -208,24 +214,59 @@ void FbxReader::read_layers(const FbxRecord& geometry, const FbxRecord& model, S
     else
       for (const int polygon : polygon_of_face_) primitive.face_materials.push_back(material(as_size(polygon)));
   }
-  const FbxRecord* uvs = geometry.child("LayerElementUV");
-  if (!uvs || !uvs->child("UV")) return;
-  const auto values = uvs->child("UV")->numbers();
-  const auto indices = uvs->child("UVIndex") ? uvs->child("UVIndex")->integers() : std::vector<std::int64_t>();
-  const std::string mapping = uvs->child("MappingInformationType") ? uvs->child("MappingInformationType")->text(0) : "";
+  read_uvs(geometry, primitive);
+  read_colours(geometry, primitive);
+}
+
+/// Which of a layer's `count` values the corners of the triangles have.
+/// @param index_name the record of the indices, if the layer has any
+/// @param surface, element the name of the surface, and what the values are, for errors
+std::vector<Triangle> FbxReader::layer_indices(const FbxRecord& layer, const char* index_name, std::size_t count,
+                                               const std::string& surface, const char* element) const {
+  const auto indices = layer.child(index_name) ? layer.child(index_name)->integers() : std::vector<std::int64_t>();
+  const FbxRecord* type = layer.child("MappingInformationType");
+  const std::string mapping = type ? type->text(0) : "";
   const bool by_vertex = mapping == "ByVertice" || mapping == "ByVertex";
-  for (std::size_t i = 0; i + 1 < values.size(); i += 2) primitive.uvs.emplace_back(values[i], values[i + 1]);
-  const auto count = static_cast<std::int64_t>(primitive.uvs.size());
+  std::vector<Triangle> faces;
   for (const Triangle& corner : corners_) {
     Triangle face{};
     for (std::size_t c = 0; c < 3; ++c) {
       const int entry = by_vertex ? vertex_of_corner_[corner[c]] : corner[c];
-      const std::int64_t uv = indices.empty() ? entry : as_size(entry) < indices.size() ? indices[entry] : 0;
-      if (uv < 0 || uv >= count)
-        fail_here("a polygon of '{}' names texture coordinate {}, but there are {}", primitive.name, uv, count);
-      face[c] = static_cast<int>(uv);
+      const std::int64_t value = indices.empty() ? entry : as_size(entry) < indices.size() ? indices[entry] : 0;
+      if (value < 0 || as_size(value) >= count)
+        fail_here("a polygon of '{}' names {} {}, but there are {}", surface, element, value, count);
+      face[c] = static_cast<int>(value);
     }
-    primitive.face_uvs.push_back(face);
+    faces.push_back(face);
+  }
+  return faces;
+}
+
+void FbxReader::read_uvs(const FbxRecord& geometry, ScenePrimitive& primitive) const {
+  const FbxRecord* layer = geometry.child("LayerElementUV");
+  if (!layer || !layer->child("UV")) return;
+  const auto values = layer->child("UV")->numbers();
+  for (std::size_t i = 0; i + 1 < values.size(); i += 2) primitive.uvs.emplace_back(values[i], values[i + 1]);
+  primitive.face_uvs = layer_indices(*layer, "UVIndex", primitive.uvs.size(), primitive.name, "texture coordinate");
+}
+
+/// Colours of vertices, as displayed: the means of their corners. Some programs write white for all; this is no colour.
+void FbxReader::read_colours(const FbxRecord& geometry, ScenePrimitive& primitive) const {
+  const FbxRecord* layer = geometry.child("LayerElementColor");
+  if (!layer || !layer->child("Colors")) return;
+  const auto values = layer->child("Colors")->numbers();
+  if (std::all_of(values.begin(), values.end(), [](double value) { return value == 1.0; })) return;
+  const auto indices = layer_indices(*layer, "ColorIndex", values.size() / 4, primitive.name, "colour");
+  std::vector<Eigen::Vector4d> sums(primitive.vertices.size(), Eigen::Vector4d::Zero());  // and the number of corners
+  for (std::size_t f = 0; f < indices.size(); ++f)
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double* colour = values.data() + 4 * as_size(indices[f][c]);
+      sums[as_size(primitive.faces[f][c])] += Eigen::Vector4d(colour[0], colour[1], colour[2], 1.0);
+    }
+  for (const Eigen::Vector4d& sum : sums) {
+    const Eigen::Vector3d colour = sum.head<3>() / std::max(sum[3], 1.0);
+    primitive.colours.push_back(colour.allFinite() ? Eigen::Vector3d(colour.cwiseMax(0.0).cwiseMin(1.0))
+                                                   : Eigen::Vector3d::Zero());
   }
 }
 

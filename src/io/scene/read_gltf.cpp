@@ -9,6 +9,7 @@
 #include "doppel/io/scene/gltf_file.h"
 #include "doppel/io/scene/readers.h"
 #include "doppel/io/scene/scene_images.h"
+#include "doppel/io/scene/srgb.h"
 
 namespace doppel {
 
@@ -47,6 +48,7 @@ class GltfReader {
   void read_materials();
   cv::Mat read_texture(const Json& info, const std::string& where);
   void read_skins();
+  std::vector<bool> shown_nodes() const;
   void read_primitives();
   void read_primitive(const Json& entry, const std::string& where, ScenePrimitive& primitive);
   void count_faces(std::size_t triangles);
@@ -282,11 +284,18 @@ void GltfReader::read_uvs(const Json& attributes, ScenePrimitive& primitive) con
   primitive.face_uvs = primitive.faces;
 }
 
+/// Colours of vertices, times the colour of a material without texture (glTF 2.0, 3.9.2).
 void GltfReader::read_colours(const Json& attributes, ScenePrimitive& primitive) const {
   const auto colours = attribute(attributes, "COLOR_0", 0, "colours");
   if (!colours || colours->width < 3 || colours->count != primitive.vertices.size()) return;
-  for (std::size_t v = 0; v < colours->count; ++v)
-    primitive.colours.emplace_back(srgb(colours->row(v)[0]), srgb(colours->row(v)[1]), srgb(colours->row(v)[2]));
+  const SceneMaterial* material = primitive.material >= 0 ? &scene_.materials[primitive.material] : nullptr;
+  Eigen::Vector3d factor = Eigen::Vector3d::Ones();
+  if (material && material->texture.empty())
+    factor = material->colour.head<3>().unaryExpr([](double x) { return linear_of_srgb(x); });
+  for (std::size_t v = 0; v < colours->count; ++v) {
+    const Eigen::Vector3d linear = factor.cwiseProduct(Eigen::Vector3d(colours->row(v)));
+    primitive.colours.emplace_back(linear.unaryExpr([](double x) { return srgb(x); }));
+  }
 }
 
 void GltfReader::read_weights(const Json& attributes, const std::string& where, ScenePrimitive& primitive) {
@@ -352,12 +361,47 @@ void GltfReader::read_primitive(const Json& entry, const std::string& where, Sce
   read_weights(attributes, where, primitive);
 }
 
+/// Whether each node belongs to the scene that the file shows, or the first one; without scenes, all do.
+std::vector<bool> GltfReader::shown_nodes() const {
+  const Json& scenes = file_.list("scenes");
+  std::vector<bool> shown(scene_.nodes.size(), scenes.empty());
+  if (scenes.empty()) return shown;
+  const int chosen = std::max(file_.index(file_.root(), "scene", scenes.size(), "the file"), 0);
+  const std::string where = fmt::format("scenes[{}]", chosen);
+  for (const Json& node : file_.array(scenes[as_size(chosen)], "nodes", where)) {
+    if (!node.is_number_unsigned() || node.get<std::uint64_t>() >= shown.size())
+      file_.fail_here("{} names the node {}, but the file has {} nodes", where, node.dump(), shown.size());
+    shown[node.get<std::size_t>()] = true;
+  }
+  std::vector<std::vector<std::size_t>> children(shown.size());
+  std::vector<std::size_t> found;
+  for (std::size_t n = 0; n < shown.size(); ++n) {
+    if (scene_.nodes[n].parent >= 0) children[as_size(scene_.nodes[n].parent)].push_back(n);
+    if (shown[n]) found.push_back(n);
+  }
+  while (!found.empty()) {
+    const std::size_t node = found.back();
+    found.pop_back();
+    for (const std::size_t child : children[node]) {
+      if (!shown[child]) found.push_back(child);
+      shown[child] = true;
+    }
+  }
+  return shown;
+}
+
 void GltfReader::read_primitives() {
   const Json &nodes = file_.list("nodes"), &meshes = file_.list("meshes");
+  const std::vector<bool> shown = shown_nodes();
   for (std::size_t n = 0; n < nodes.size(); ++n) {
     const std::string element = fmt::format("nodes[{}]", n);
     const int mesh = file_.index(nodes[n], "mesh", meshes.size(), element);
     if (mesh < 0) continue;
+    if (!shown[n]) {
+      scene_.warnings.push_back(
+          fmt::format("the mesh of {} is not in the scene that the file shows, and is left out", element));
+      continue;
+    }
     const Json& entry = meshes[mesh];
     const std::string where = fmt::format("meshes[{}]", mesh);
     const Json& primitives = file_.array(entry, "primitives", where);

@@ -48,13 +48,19 @@ fs::path find_named_image(const fs::path& scene_file, const std::string& name) {
   return {};
 }
 
-}  // namespace
+/// The name that a URI stands for (RFC 3986): %20 is a blank.
+std::string without_percents(const std::string& uri) {
+  std::string name;
+  for (std::size_t i = 0; i < uri.size(); ++i) {
+    const std::string digits = uri[i] == '%' ? uri.substr(i + 1, 2) : "";
+    const bool encoded = digits.size() == 2 && digits.find_first_not_of("0123456789abcdefABCDEF") == digits.npos;
+    name += encoded ? static_cast<char>(std::stoi(digits, nullptr, 16)) : uri[i];
+    if (encoded) i += 2;
+  }
+  return name;
+}
 
-fs::path find_image(const fs::path& scene_file, std::string name) {
-  std::replace(name.begin(), name.end(), '\\', '/');
-  for (std::size_t at = name.find("%20"); at != std::string::npos; at = name.find("%20")) name.replace(at, 3, " ");
-  if (name.rfind("file://", 0) == 0) name.erase(0, 7);
-  if (name.empty()) return {};
+fs::path find_tiled_image(const fs::path& scene_file, const std::string& name) {
   const std::optional<TileName> tiles = tile_name_of(name);
   if (!tiles || !tiles->is_pattern) return find_named_image(scene_file, name);
   constexpr int kRows = 2;  // of tiles, in which the first one is sought
@@ -63,6 +69,16 @@ fs::path find_image(const fs::path& scene_file, std::string name) {
         !found.empty())
       return found;
   return {};
+}
+
+}  // namespace
+
+fs::path find_image(const fs::path& scene_file, std::string name) {
+  std::replace(name.begin(), name.end(), '\\', '/');
+  if (name.rfind("file://", 0) == 0) name.erase(0, 7);
+  if (name.empty()) return {};
+  if (fs::path found = find_tiled_image(scene_file, name); !found.empty()) return found;
+  return find_tiled_image(scene_file, without_percents(name));
 }
 
 }  // namespace doppel

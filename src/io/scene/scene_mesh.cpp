@@ -109,7 +109,10 @@ int material_of(const ScenePrimitive& primitive, std::size_t face) {
 struct MaterialUse {
   bool textured = false;
   Eigen::Vector2i low = Eigen::Vector2i::Zero(), high = Eigen::Vector2i::Ones();  ///< tiles of the texture
-  std::size_t image = 0;                                                          ///< in the atlas
+  bool moved = false;     ///< some triangles lie in another tile than [0,1]
+  std::size_t image = 0;  ///< in the atlas
+
+  bool repeats() const { return moved || low != Eigen::Vector2i::Zero() || high != Eigen::Vector2i::Ones(); }
 };
 
 /// The whole tiles by which the UVs of a triangle are moved, so that its middle lies in [0,1).
@@ -155,7 +158,7 @@ class MeshJoiner {
   }
   void find_uses();
   bool single_texture() const {
-    return uses_.size() == 1 && uses_.begin()->second.textured &&
+    return uses_.size() == 1 && uses_.begin()->second.textured && !uses_.begin()->second.repeats() &&
            std::all_of(scene_.primitives.begin(), scene_.primitives.end(), [](const ScenePrimitive& primitive) {
              return primitive.faces.empty() || !primitive.face_uvs.empty();
            });
@@ -180,11 +183,15 @@ void MeshJoiner::find_uses() {
       if (material(index).texture.empty() || primitive.face_uvs.empty()) continue;
       use.textured = any_texture_ = true;
       const Eigen::Vector2d tile = tile_of(primitive, f);
+      use.moved = use.moved || !tile.isZero();
+      const cv::Mat& texture = material(index).texture;
       for (const int uv : primitive.face_uvs[f]) {
         const Eigen::Vector2d at = primitive.uvs[uv] - tile;
         for (int axis = 0; axis < 2; ++axis) {
-          const double low = std::clamp(std::floor(at[axis] + 1e-6), -double(kMaxTiles), 0.0);
-          const double high = std::clamp(std::ceil(at[axis] - 1e-6), 1.0, double(kMaxTiles));
+          // Less than half a texel beyond the border is the border's texel.
+          const double slack = 0.5 / (axis == 0 ? texture.cols : texture.rows);
+          const double low = std::clamp(std::floor(at[axis] + slack), -double(kMaxTiles), 0.0);
+          const double high = std::clamp(std::ceil(at[axis] - slack), 1.0, double(kMaxTiles));
           use.low[axis] = std::min(use.low[axis], static_cast<int>(low));
           use.high[axis] = std::max(use.high[axis], static_cast<int>(high));
         }

@@ -267,6 +267,16 @@ TEST(CalibrationReference, EveryWriterIsReadBack) {
   }
 }
 
+TEST(CalibrationReference, FoldersMayEndWithASlash) {
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "there");
+  for (const char* name : {"new/", "there/"}) {
+    write_calibration(folder / name, ring(Eigen::Vector3d::UnitY()), "colmap");
+    EXPECT_EQ(load_calibration(folder / name).format, "colmap");
+  }
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 2) << "nothing is left over";
+}
+
 TEST(CalibrationRejects, WhatSkeletoolFilesGetWrong) {
   CalibrationFile calibration;
   const auto changed = [&](const char* from, const char* to) {

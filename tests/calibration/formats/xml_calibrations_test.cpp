@@ -454,6 +454,29 @@ TEST(Metashape, IntrinsicsAreOffsetsAndTheTangentialTermsAreSwapped) {
   EXPECT_NEAR(distorted.y(), y * radial + p2 * (r2 + 2 * y * y) + 2 * p1 * x * y, 1e-15);
 }
 
+TEST(Metashape, ALensWithoutTheFourthCoefficientIsOpenCvs) {
+  const std::string calibration = replaced(kMetashapeCalibration, "<k4>0.0004</k4>", "");
+  const Calibration found =
+      read_text(make_metashape_calibration,
+                metashape_file(metashape_camera(0, "left", kMetashapePose), kMetashapeTransform, calibration));
+  EXPECT_EQ(found.cameras.at(0).lens, Lens::opencv);
+  EXPECT_THAT(std::vector<double>(found.cameras[0].distortion.begin(), found.cameras[0].distortion.begin() + 5),
+              ::testing::ElementsAre(-0.1, 0.02, -0.002, 0.001, 0.003));
+}
+
+TEST(Metashape, EveryReferenceButALocalOneIsTheEarths) {
+  const auto up_with = [](const std::string& reference) {
+    return read_text(make_metashape_calibration,
+                     metashape_file(metashape_camera(0, "left", kMetashapePose),
+                                    (kMetashapeTransform + ("<reference>" + reference + "</reference>")).c_str()))
+        .up;
+  };
+  EXPECT_EQ(up_with("LOCAL_CS[&quot;Local Coordinates (m)&quot;]"), "+z");
+  for (const char* earth :
+       {"GEOGCS[&quot;WGS 84&quot;]", "PROJCS[&quot;WGS 84 / UTM zone 32N&quot;]", "COMPD_CS[&quot;a&quot;]"})
+    EXPECT_EQ(up_with(earth), "") << earth;
+}
+
 TEST(Metashape, ThePoseGoesThroughTheScaledFrameOfTheChunk) {
   const Calibration found =
       read_text(make_metashape_calibration, metashape_file(metashape_camera(0, "left", kMetashapePose)));

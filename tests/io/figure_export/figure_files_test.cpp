@@ -119,6 +119,16 @@ TEST(Usda, HoldsTopologyPointsAndMaterial) {
   EXPECT_EQ(count('['), count(']'));
 }
 
+TEST(Usda, ColoursOfVerticesAreLinear) {
+  const TemporaryFolder folder;
+  TriangleMesh mesh = square();
+  mesh.texture.release();
+  mesh.colours.assign(4, Eigen::Vector3d(1, 0.5, 0));
+  write_usda(folder / "a.usda", {"actor", mesh, three_frames()});
+  EXPECT_NE(read_file(folder / "a.usda").find("color3f[] primvars:displayColor = [(1, 0.21404, 0), (1, 0.21404, 0)"),
+            std::string::npos);
+}
+
 TEST(Usda, NormalsArePerpendicularToTheFacesOfEachFrame) {
   const TemporaryFolder folder;
   const TriangleMesh mesh = square();

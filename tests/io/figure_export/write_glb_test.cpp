@@ -299,5 +299,21 @@ TEST_F(RealFigure, AScannedPersonKeepsHisSurface) {
     EXPECT_EQ(names[name], 1) << name;
 }
 
+TEST(WriteGlb, ColoursOfVerticesComeBack) {
+  const TemporaryFolder folder;
+  Character actor = make_test_character();
+  actor.mesh.texture.release();
+  for (int v = 0; v < actor.num_vertices(); ++v) actor.mesh.colours.emplace_back(0.2, 0.5, v % 2 == 0 ? 0.0 : 1.0);
+  export_glb(folder / "a.glb", actor, waving_clip(actor, 2, 0.0), 0);
+  // The format has linear intensities: 0.5 in sRGB is 0.2140.
+  const GltfPose file(folder / "a.glb");
+  const auto stored = file.rows(file.primitive()["attributes"]["COLOR_0"].get<int>());
+  EXPECT_NEAR(stored.at(0)[1], 0.2140, 1e-4);
+  const ScenePrimitive part = read_scene(folder / "a.glb").primitives.at(0);
+  const auto vertex = file.rows(file.primitive()["attributes"]["_VERTEX"].get<int>());
+  for (std::size_t i = 0; i < part.colours.size(); ++i)
+    EXPECT_LT((part.colours[i] - actor.mesh.colours[static_cast<std::size_t>(vertex.at(i)[0])]).norm(), 1e-5);
+}
+
 }  // namespace
 }  // namespace doppel::write_glb_test

@@ -219,5 +219,44 @@ TEST_F(Gltf, ManyNodesMayHaveOneName) {
   EXPECT_EQ(scene.nodes.back().name, "bone_" + std::to_string(kNodes));
 }
 
+TEST_F(Gltf, ColoursOfVerticesAreTimesThatOfTheMaterial) {
+  GltfWriter file = bending_arm();
+  file.json["materials"] = {{{"pbrMetallicRoughness", {{"baseColorFactor", {1, 0.5, 0, 1}}}}}};
+  auto& primitive = file.json["meshes"][0]["primitives"][0];
+  primitive["material"] = 0;
+  primitive["attributes"]["COLOR_0"] = file.floats(std::vector<float>(18, 0.5F), "VEC3", 3);
+  const Eigen::Vector3d colour = read(file).primitives.at(0).colours.at(0);
+  EXPECT_LT((colour - Eigen::Vector3d(0.7354, 0.5371, 0)).norm(), 1e-4);  // sRGB of 0.5, 0.25, 0
+}
+
+TEST_F(Gltf, MeshesOutsideOfTheSceneAreLeftOut) {
+  GltfWriter file = bending_arm();
+  file.json["nodes"].push_back({{"name", "spare"}, {"mesh", 0}});
+  EXPECT_EQ(read(file).primitives.size(), 2u) << "no scene, so all";
+  file.json["scenes"] = {{{"nodes", {3}}}, {{"nodes", {0, 2}}}};
+  file.json["scene"] = 1;
+  const Scene scene = read(file);
+  ASSERT_EQ(scene.primitives.size(), 1u);
+  EXPECT_EQ(scene.primitives[0].node, 2);
+  EXPECT_THAT(scene.warnings, ::testing::Contains(HasSubstr("nodes[3] is not in the scene")));
+  file.json["scenes"][1]["nodes"] = {9};
+  EXPECT_THAT(error_of(file), HasSubstr("scenes[1] names the node 9, but the file has 4 nodes"));
+}
+
+TEST_F(Gltf, NamesOfFilesAreUris) {
+  GltfWriter file = bending_arm();
+  const std::string glb = file.glb(), buffer = glb.substr(glb.find("BIN") + 4);
+  const std::filesystem::path folder = path_.parent_path(), scene = folder / "gltf_test.gltf";
+  for (const auto& [uri, name] :
+       {std::pair{"K%C3%B6rper%20%281%29.bin", "K\u00f6rper (1).bin"}, {"100%.bin", "100%.bin"}}) {
+    file.json["buffers"] = {{{"byteLength", buffer.size()}, {"uri", uri}}};
+    GltfWriter::write(folder / name, buffer);
+    GltfWriter::write(scene, file.json.dump());
+    EXPECT_EQ(read_scene(scene).primitives.size(), 1u) << uri;
+    std::filesystem::remove(folder / name);
+    std::filesystem::remove(scene);
+  }
+}
+
 }  // namespace
 }  // namespace doppel::gltf_test

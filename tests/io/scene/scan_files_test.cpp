@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <opencv2/imgcodecs.hpp>
+#include <tuple>
 
 #include "doppel/core/error.h"
 #include "doppel/io/scene/read_scene.h"
@@ -224,6 +226,10 @@ TEST_F(ScanFiles, ColladaSaysUnitAxisUvsAndMaterial) {
     expect_box_uvs(scene.primitives[0]);
     EXPECT_EQ(scene.metres_per_unit, 0.0254);
     EXPECT_EQ(scene.up, axis);
+    const auto placed = corners_of(posed_vertices(scene, node_transforms(scene)), scene.primitives[0].faces);
+    const auto given = corners_of(box().vertices, box().faces);
+    for (std::size_t i = 0; i < given.size(); ++i)
+      EXPECT_LT((placed.at(i) - given[i]).norm(), 1e-6) << "the file's unit";
     ASSERT_EQ(scene.primitives[0].material, 0);
     EXPECT_EQ(scene.materials.at(0).name, "cloth");
     EXPECT_LT((scene.materials[0].colour - Eigen::Vector4d(0.2, 0.4, 0.6, 1)).norm(), 1e-6);
@@ -252,6 +258,118 @@ TEST_F(ScanFiles, FbxAsTextAndBytesIsTheSameArm) {
     const auto posed = posed_vertices(scene, node_transforms(scene, scene.animations[0], 1.0));
     EXPECT_LT((posed.back() - Eigen::Vector3d(-100, 100, 0)).norm(), 1e-9);
   }
+}
+
+TEST_F(ScanFiles, ColladaAttributesMayBeWrittenInEveryWay) {
+  const std::string file = support::collada_file(box(), 0.01, "Y_UP");
+  for (const char* meter : {"meter='0.01'", "meter = \"0.01\""}) {
+    const Scene scene =
+        read("box.dae", support::replaced(support::replaced(file, "meter=\"0.01\"", meter), "<asset>",
+                                          "<asset><contributor><comments>Z_UP before</comments></contributor>"));
+    EXPECT_EQ(scene.metres_per_unit, 0.01) << meter;
+    EXPECT_EQ(scene.up, 'y') << "a comment is no axis";
+  }
+}
+
+TEST_F(ScanFiles, ObjMayHaveCommentsBehindFacesAndTexturesOfOneNumber) {
+  const Scene scene = read("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0\nvt 0.5\nvt 1\nf 1/1 2/2 3/3 # the only face\n");
+  ASSERT_EQ(scene.primitives.at(0).faces.size(), 1u);
+  EXPECT_EQ(scene.primitives[0].uvs.at(1), Eigen::Vector2d(0.5, 0));
+}
+
+/// The texture of a joined mesh where the middle of a triangle is.
+cv::Vec3b drawn_at(const TriangleMesh& mesh, std::size_t face) {
+  Eigen::Vector2d uv = Eigen::Vector2d::Zero();
+  for (const int corner : mesh.face_uvs.at(face)) uv += mesh.uvs.at(static_cast<std::size_t>(corner)) / 3;
+  EXPECT_GE(uv.minCoeff(), 0.0);
+  EXPECT_LE(uv.maxCoeff(), 1.0);
+  return mesh.texture.at<cv::Vec3b>(static_cast<int>((1 - uv.y()) * mesh.texture.rows),
+                                    static_cast<int>(uv.x() * mesh.texture.cols));
+}
+
+TEST_F(ScanFiles, ATextureRepeatsBeyondItsBorders) {
+  cv::Mat image(8, 8, CV_8UC3, cv::Scalar(0, 0, 255));
+  image.colRange(4, 8) = cv::Scalar(0, 255, 0);
+  cv::imwrite((folder_ / "halves.png").string(), image);
+  support::write_bytes(folder_ / "a.mtl", "newmtl cloth\nmap_Kd halves.png\n");
+  for (const double shift : {-2.0, 0.0, 1.0}) {
+    std::string text = "mtllib a.mtl\nusemtl cloth\nv 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    for (const double u : {0.1, 0.4, 0.1, 0.6, 0.9, 0.6}) text += fmt::format("vt {} 0.5\n", u + shift);
+    const TriangleMesh mesh = scene_mesh(read("a.obj", text + "f 1/1 2/2 3/3\nf 1/4 2/5 3/6\n"));
+    EXPECT_EQ(drawn_at(mesh, 0), cv::Vec3b(0, 0, 255)) << shift;
+    EXPECT_EQ(drawn_at(mesh, 1), cv::Vec3b(0, 255, 0)) << shift;
+    if (shift == 0.0) EXPECT_EQ(mesh.texture.size(), image.size()) << "nothing to repeat";
+  }
+}
+
+/// The curve of the arm's animation.
+FbxNode arm_with_curve(std::vector<std::int64_t> times, std::vector<double> degrees, std::vector<std::int32_t> flags) {
+  FbxNode arm = support::fbx_arm();
+  for (FbxNode& record : arm.children)
+    for (FbxNode& object : record.children) {
+      if (object.name != "AnimationCurve") continue;
+      const std::vector<std::int32_t> counts(flags.size(), 1);
+      object.children = {{"KeyTime", {std::move(times)}, {}},
+                         {"KeyValueFloat", {std::move(degrees)}, {}},
+                         {"KeyAttrFlags", {std::move(flags)}, {}},
+                         {"KeyAttrRefCount", {counts}, {}}};
+      return arm;
+    }
+  return arm;
+}
+
+/// The turn of the arm's lower joint about z, degrees, -180 to 180.
+double turn_at(const Scene& scene, double seconds) {
+  const Eigen::Matrix3d turn = node_transforms(scene, scene.animations.at(0), seconds).at(2).linear();
+  return std::atan2(turn(1, 0), turn(0, 0)) * 180 / M_PI;
+}
+
+TEST_F(ScanFiles, FbxAnglesAreInterpolatedAsNumbers) {
+  const std::int64_t second = 46186158000;
+  constexpr std::int32_t kHeld = 0x2, kLinear = 0x4;
+  const Scene far = read("a.fbx", support::fbx_text(arm_with_curve({0, second}, {0, 200}, {kLinear, kLinear})));
+  for (const double s : {0.1, 0.5, 0.85}) EXPECT_NEAR(turn_at(far, s), 200 * s, 1e-6) << "a long turn is no short one";
+  const Scene held =
+      read("a.fbx", support::fbx_text(arm_with_curve({0, second / 2, second}, {0, 60, 0}, {kHeld, kLinear, kLinear})));
+  for (const double s : {0.1, 0.4, 0.49}) EXPECT_NEAR(turn_at(held, s), 0, 1e-6) << s;
+  for (const double s : {0.5, 0.75, 0.9}) EXPECT_NEAR(turn_at(held, s), 120 * (1 - s), 1e-6) << s;
+}
+
+TEST_F(ScanFiles, FbxCountsTimeInTwoUnits) {
+  for (const auto& [version, definition, ticks] :
+       {std::tuple{7700, 127, 46186158000}, {7700, 0, 141120000}, {7500, 0, 46186158000}, {8000, 127, 141120000}}) {
+    FbxNode arm = arm_with_curve({0, ticks}, {0, 90}, {0x4, 0x4});
+    arm.children[0].children = {
+        {"FBXVersion", {std::int64_t{version}}, {}},
+        {"OtherFlags", {}, {{"TCDefinition", {std::int64_t{definition}}, {}}}},
+    };
+    EXPECT_NEAR(turn_at(read("a.fbx", support::fbx_text(arm)), 0.5), 45, 1e-6) << version << " " << definition;
+  }
+}
+
+TEST_F(ScanFiles, FbxColoursBelongToVerticesOrCorners) {
+  const auto colours_of = [&](const std::string& mapping, std::vector<double> colours,
+                              std::vector<std::int32_t> indices) {
+    FbxNode arm = support::fbx_arm();
+    for (FbxNode& record : arm.children)
+      for (FbxNode& object : record.children)
+        if (object.name == "Geometry")
+          object.children.push_back({"LayerElementColor",
+                                     {std::int64_t{0}},
+                                     {{"MappingInformationType", {mapping}, {}},
+                                      {"Colors", {std::move(colours)}, {}},
+                                      {"ColorIndex", {std::move(indices)}, {}}}});
+    return read("a.fbx", support::fbx_text(arm)).primitives.at(0).colours;
+  };
+  const std::vector<double> red_and_blue{1, 0, 0, 1, 0, 0, 1, 1};
+  const auto by_vertex = colours_of("ByVertice", red_and_blue, {0, 0, 0, 1, 1, 1});
+  EXPECT_EQ(by_vertex.at(2), Eigen::Vector3d(1, 0, 0));
+  EXPECT_EQ(by_vertex.at(3), Eigen::Vector3d(0, 0, 1));
+  // The quad 0 1 2 3 is red, the triangle 3 4 5 blue. Vertex 3 is a corner of two triangles, one of each colour.
+  const auto by_corner = colours_of("ByPolygonVertex", red_and_blue, {0, 0, 0, 0, 1, 1, 1});
+  EXPECT_EQ(by_corner.at(0), Eigen::Vector3d(1, 0, 0));
+  EXPECT_EQ(by_corner.at(3), Eigen::Vector3d(0.5, 0, 0.5));
+  EXPECT_THAT(colours_of("ByVertice", {1, 1, 1, 1}, {0, 0, 0, 0, 0, 0}), IsEmpty()) << "white says nothing";
 }
 
 }  // namespace
