@@ -1,5 +1,7 @@
 #include "animate_options.h"
 
+#include <utility>
+
 #include "doppel/core/error.h"
 
 namespace doppel::tools {
@@ -27,6 +29,23 @@ void refuse_space_without_file(const AnimateOptions& options) {
       "{} belongs to --format obj, bvh, pc2 and mdd; the other files state their unit and their axis, or have those of "
       "their format",
       options.out_unit ? "--out-unit" : "--out-up");
+}
+
+/// Options of the camera and of images say nothing to other files.
+void refuse_image_options_without_images(const AnimateOptions& options) {
+  const bool images = options.wants("mp4") || options.wants("png");
+  const std::pair<const char*, bool> of_camera[] = {{"--camera", options.camera != "orbit"},
+                                                    {"--capture", !options.capture.empty()},
+                                                    {"--calibration", !options.calibration.empty()},
+                                                    {"--video-size", options.size > 0}};
+  const std::pair<const char*, bool> of_images[] = {{"--background", !options.background.empty()},
+                                                    {"--beside", !options.beside.empty()},
+                                                    {"--light", !options.light.empty()}};
+  for (const auto& [name, given] : of_camera)
+    if (given && !images && !options.wants("texture"))
+      fail<UsageError>("{} belongs to --format mp4, png and texture, and none of them is written", name);
+  for (const auto& [name, given] : of_images)
+    if (given && !images) fail<UsageError>("{} belongs to --format mp4 and png, and none of them is written", name);
 }
 
 void refuse_figure_options_without_file(const AnimateOptions& options) {
@@ -165,6 +184,7 @@ void check_animate_options(const AnimateOptions& options) {
   check_engine_options(options.engine, options.wants("engine-glb"), options.morphs.has_value());
   refuse_several_motions(options);
   refuse_space_without_file(options);
+  refuse_image_options_without_images(options);
   refuse_figure_options_without_file(options);
 }
 

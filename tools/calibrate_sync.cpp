@@ -160,8 +160,10 @@ int run_sync(const SyncArguments& arguments, const CommonOptions& common) {
   const std::filesystem::path out =
       arguments.out.empty() ? folder_of(footage.capture) / "capture_synced.yaml" : std::filesystem::path(arguments.out);
   const Capture mended = with_timing(footage, timing, arguments.drift && !arguments.audio);
-  write_capture(out, mended,
-                {fmt::format("frame_offset of sequence {}: found by doppel calibrate sync", footage.entry().name)});
+  check_capture_out(out);
+  write_capture(
+      out, mended,
+      {fmt::format("Written by `doppel calibrate sync`: frame_offset of sequence {}.", footage.entry().name)});
   if (common.json) {
     std::printf("%s\n", json_of(timing, footage, out.string()).dump(2).c_str());
     return 0;

@@ -46,7 +46,7 @@ void print_guess(const CaptureGuess& guess, const fs::path& written, std::size_t
         {"written", written.string()}, {"found", guess.found}, {"missing", guess.missing}, {"cameras", num_cameras}};
     report["sequences"] = nlohmann::ordered_json::array();
     for (const SequenceEntry& sequence : guess.capture.sequences) report["sequences"].push_back(sequence.name);
-    fmt::print("{}\n", report.dump(2));
+    fmt::print("{}\n", report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));  // names of files
     return;
   }
   for (const std::string& sentence : guess.found) fmt::print("{}\n", sentence);
@@ -111,7 +111,10 @@ int amend(const AmendArguments& arguments, const CommonOptions& common) {
   Capture capture = find_capture(arguments.capture);
   if (fs::exists(arguments.out) && fs::weakly_canonical(arguments.out) == fs::weakly_canonical(capture.file))
     fail<UsageError>("--out: {} is the capture that is read; choose another file", arguments.out.string());
-  if (!arguments.calibration.empty()) capture.calibration = existing("--calibration", arguments.calibration);
+  if (!arguments.calibration.empty()) {
+    capture.calibration = existing("--calibration", arguments.calibration);
+    capture.calibration_options = {};  // unit and axis of the file before
+  }
   if (!arguments.character.empty()) capture.character = existing("--character", arguments.character);
   if (!arguments.landmarks.empty()) capture.landmarks = existing("--landmarks", arguments.landmarks);
   if (!arguments.cameras.empty()) choose(arguments.cameras, capture);

@@ -40,9 +40,22 @@ bool needs_masks(const Capture& capture) {
                      [](const SequenceEntry& sequence) { return !sequence.has_masks(); });
 }
 
-/// Whether earlier results fit: they are newer than the capture and its videos, and have the masks that are needed.
+/// Whether a detection was made of this capture: its calibration, and its sequences with their videos.
+bool is_of(const Capture& capture, const Capture& detected) {
+  const auto same_path = [&](const std::string& here, const std::string& there) {
+    return fs::weakly_canonical(capture.resolve(here)) == fs::weakly_canonical(detected.resolve(there));
+  };
+  if (!same_path(capture.calibration, detected.calibration) || capture.cameras != detected.cameras) return false;
+  return std::equal(capture.sequences.begin(), capture.sequences.end(), detected.sequences.begin(),
+                    detected.sequences.end(), [&](const SequenceEntry& here, const SequenceEntry& there) {
+                      return here.name == there.name && same_path(here.videos.sample(), there.videos.sample());
+                    });
+}
+
+/// Whether earlier results fit: they are of this capture, newer than it and its videos, and have the masks that are
+/// needed.
 bool is_current(const Capture& capture, const fs::path& results, bool masks) {
-  if (!fs::exists(results)) return false;
+  if (!fs::exists(results) || !is_of(capture, read_capture(results))) return false;
   const fs::file_time_type made = fs::last_write_time(results);
   if (!capture.file.empty() && fs::last_write_time(capture.file) > made) return false;
   const CaptureCameras filmed = choose_cameras(capture);
@@ -88,7 +101,10 @@ void write_detected_capture(const fs::path& source, const fs::path& out, const J
     const std::string joints = pattern_of(report, sequence.name, "joints3d", capture);
     const std::string masks = pattern_of(report, sequence.name, "masks", capture);
     const bool kept = keep_keypoints && capture.has_keypoints();
-    if (!keypoints.empty() && !kept) sequence.keypoints = keypoints;
+    if (!keypoints.empty() && !kept) {
+      sequence.keypoints = keypoints;
+      sequence.keypoint_offset.clear();  // of the files before
+    }
     found_points = found_points || (!keypoints.empty() && !kept);
     if (!joints.empty()) sequence.joints3d = joints;
     if (!masks.empty() && !sequence.has_masks()) sequence.masks = masks + "/{frame:06}.png";

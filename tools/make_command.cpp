@@ -116,6 +116,13 @@ Motion to_and_fro(const Motion& motion, std::size_t min_frames) {
 class Make {
  public:
   Make(const MakeArguments& arguments, const CommonOptions& common) : arguments_(arguments), common_(common) {
+    // A slash at the end would make other commands of the same steps.
+    for (fs::path* folder : {&arguments_.folder, &arguments_.out}) {
+      *folder = folder->lexically_normal();
+      if (!folder->has_filename() && folder->has_parent_path()) *folder = folder->parent_path();
+    }
+    if (fs::weakly_canonical(arguments_.folder) == fs::weakly_canonical(arguments_.out))
+      fail<UsageError>("--out: {} is the folder of the footage; choose another one", arguments_.out.string());
     fs::create_directories(arguments_.out);
     const std::optional<CaptureGuess> recognised = recognise_capture(arguments_.folder);
     described_ = recognised.has_value();

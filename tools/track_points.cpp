@@ -41,6 +41,7 @@ int run_points(TrackArguments arguments, const CommonOptions& common) {
     merge_points(arguments.capture, options, common.merged.folders);
     return 0;
   }
+  check_tracked_method(options.out, "points");
   find_keypoints(arguments, {}, common);
   const TrackPointsReport report = track_points(arguments.capture, options);
   finish_work(common, options.out, nullptr);

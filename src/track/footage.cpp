@@ -144,7 +144,8 @@ SequencePeople read_people_of(const std::vector<View>& views, const PointLayout&
     seen.cameras.push_back(view.camera);
     seen.clocks.push_back(view.clock());
     const auto source = std::make_shared<const KeypointSource>(view.source(entry.keypoints), layout,
-                                                               keypoint_camera(view.camera, view.file_index));
+                                                               keypoint_camera(view.camera, view.file_index),
+                                                               entry.keypoint_offset_of(view.camera.name));
     seen.people.emplace_back([source](long frame) { return source->people(frame); });
     masks.emplace_back(view);
   }

@@ -136,7 +136,7 @@ SequenceReport finish_sequence(const Footage& footage, const Character& characte
 
 TrackReport track_capture(const Footage& footage, const TrackOptions& wanted) {
   TrackOptions options = wanted;
-  open_out_folder(footage, options.out);
+  open_out_folder(footage, options.out, "multiview");
   const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
   if (options.surface) require_masks(footage, chosen, "`doppel track --surface`");
   if (options.config.template_frames > 0) require_masks(footage, chosen, "the template fit (`template_fit.frames`)");

@@ -17,6 +17,7 @@ using nlohmann::ordered_json;
 namespace {
 
 constexpr char kReport[] = "track.json", kSections[] = "curves.json";
+constexpr char kWrittenByTrack[] = "Written by `doppel track`: the capture with the tracked motions.";
 
 /// The capture with the tracked motions instead of its own.
 Capture tracked_capture(const Footage& footage, const fs::path& out, const std::vector<FootageSequence>& tracked,
@@ -31,6 +32,7 @@ Capture tracked_capture(const Footage& footage, const fs::path& out, const std::
       entry.motion = inside.empty() || *inside.begin() == ".." ? motion.string() : inside.string();
       entry.first_frame = sequence.first_frame;
       entry.last_frame = sequence.last_frame;
+      std::erase_if(entry.cuts, [&](long cut) { return cut > sequence.last_frame; });
     }
   const auto untracked = [](const SequenceEntry& entry) { return entry.motion.empty(); };
   capture.sequences.erase(std::remove_if(capture.sequences.begin(), capture.sequences.end(), untracked),
@@ -69,8 +71,12 @@ void write_results(const Footage& footage, const TrackTask& task, const TrackRep
   write_atomically(out / kReport, to_json(report).dump(1) + "\n");
   if (task.shard) return write_sections(out, report);
   std::vector<FootageSequence> tracked;
-  for (const SequenceReport& sequence : report.sequences) tracked.push_back(sequence.tracked.sequence);
-  write_capture(out / "capture.yaml", tracked_capture(footage, out, tracked, report.character));
+  for (const SequenceReport& sequence : report.sequences) {
+    tracked.push_back(sequence.tracked.sequence);
+    // Those of an earlier run are of other poses.
+    if (sequence.tracked.vertices.empty()) fs::remove(out / (sequence.tracked.sequence.name + "_vertices.npy"));
+  }
+  write_capture(out / "capture.yaml", tracked_capture(footage, out, tracked, report.character), {kWrittenByTrack});
   write_atomically(out / "track.html", track_curves(out, report));
 }
 
@@ -95,7 +101,7 @@ std::vector<fs::path> merge_sequences(const std::vector<std::string>& names, con
 }
 
 void merge_tracks(const Footage& footage, const TrackTask& task, const std::vector<fs::path>& shards) {
-  open_out_folder(footage, task.out);
+  open_out_folder(footage, task.out, shards.empty() ? "" : tracked_method(shards.front()));
   const std::vector<FootageSequence> chosen = chosen_sequences(footage, task);
   std::vector<std::string> names, sections;
   for (const FootageSequence& sequence : chosen) names.push_back(sequence.name);
@@ -106,7 +112,7 @@ void merge_tracks(const Footage& footage, const TrackTask& task, const std::vect
       fail_at({(folders[k] / kSections).string(), 0}, "the sequence {} is missing; track this shard again", names[k]);
     sections.push_back(own[names[k]].get<std::string>());
   }
-  write_capture(task.out / "capture.yaml", tracked_capture(footage, task.out, chosen));
+  write_capture(task.out / "capture.yaml", tracked_capture(footage, task.out, chosen), {kWrittenByTrack});
   write_atomically(task.out / "track.html", track_page(sections));
 }
 

@@ -3,7 +3,9 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
+#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
@@ -60,11 +62,29 @@ void warn_without_masks(const std::vector<FootageSequence>& sequences) {
         fmt::join(names, ", "));
 }
 
-void open_out_folder(const Footage& footage, const fs::path& out) {
+std::string tracked_method(const fs::path& folder) {
+  const fs::path file = folder / "track.json";
+  if (!fs::exists(file)) return "";
+  const auto report = nlohmann::json::parse(read_file(file), nullptr, false);
+  return report.is_object() && report.contains("method") && report["method"].is_string()
+             ? report["method"].get<std::string>()
+             : "";
+}
+
+void check_tracked_method(const fs::path& folder, const std::string& method) {
+  const std::string before = tracked_method(folder);
+  if (!before.empty() && before != method)
+    fail<UsageError>("{} holds the tracking of the method {}, and this is {}; choose another folder with --out",
+                     folder.string(), before, method);
+}
+
+void open_out_folder(const Footage& footage, const fs::path& out, const std::string& method) {
   if (out.empty()) fail<UsageError>("no output folder was given");
   const fs::path& file = footage.capture().file;
   if (!file.empty() && fs::weakly_canonical(out / "capture.yaml") == fs::weakly_canonical(file))
     fail<UsageError>("{} holds the capture itself; choose another folder with --out", out.string());
+  check_tracked_method(out, method);
+  if (tracked_method(out).empty()) check_capture_out(out / "capture.yaml");
   fs::create_directories(out);
 }
 

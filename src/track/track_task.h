@@ -44,9 +44,14 @@ void require_masks(const Footage& footage, const std::vector<FootageSequence>& s
 /// Warns once when sequences have no masks: the terms of silhouettes and contours are then off.
 void warn_without_masks(const std::vector<FootageSequence>& sequences);
 
-/// Makes the output folder, and removes temporary files that a killed run left in it. @throws UsageError when it holds
-/// the capture itself, or `out` is empty
-void open_out_folder(const Footage& footage, const std::filesystem::path& out);
+/// Makes the output folder. @param method of the tracking, as in `track.json`
+/// @throws UsageError when it holds the capture itself, a description that Doppel did not write, or the tracking of
+/// another method, or `out` is empty
+void open_out_folder(const Footage& footage, const std::filesystem::path& out, const std::string& method);
+/// The method that a folder's `track.json` names; empty without one.
+std::string tracked_method(const std::filesystem::path& folder);
+/// @throws UsageError when `folder` holds the tracking of another method
+void check_tracked_method(const std::filesystem::path& folder, const std::string& method);
 /// @throws UsageError unless `footage` has one camera
 void check_one_camera(const Footage& footage);
 /// @throws Error when a stop was requested (`stop_requested`)

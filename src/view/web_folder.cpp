@@ -2,6 +2,9 @@
 
 #include <torch/script.h>
 
+#include <algorithm>
+#include <set>
+
 #include "doppel/actor/onnx/onnx_constants.h"
 #include "doppel/actor/onnx/onnx_model.h"
 #include "doppel/core/atomic_file.h"
@@ -106,15 +109,22 @@ void copy_runtime(const fs::path& folder) {
   for (const PackageFile& file : kRuntime.files) fs::copy_file(find_package_file(kRuntime, file), folder / file.name());
 }
 
-bool holds_a_page(const fs::path& folder) { return fs::exists(folder / "double" / "description.json"); }
+/// Whether a folder holds a page and nothing else, so that it can be replaced.
+bool holds_a_page_alone(const fs::path& folder) {
+  static const std::set<std::string> kOurs{"index.html", "assets", "double", "runtime"};
+  return fs::exists(folder / "double" / "description.json") &&
+         std::all_of(fs::directory_iterator(folder), {},
+                     [](const auto& entry) { return kOurs.contains(entry.path().filename().string()); });
+}
 
 }  // namespace
 
 void write_web_folder(const fs::path& folder, const ViewSubject& subject, const QuantizedWeights& quantized) {
   fs::path target = fs::absolute(folder).lexically_normal();
   if (!target.has_filename()) target = target.parent_path();  // "page/"
-  if (fs::exists(target) && !(fs::is_directory(target) && (fs::is_empty(target) || holds_a_page(target))))
-    fail<UsageError>("exporting a page: {} exists and holds something else; name another folder", folder.string());
+  if (fs::exists(target) && !(fs::is_directory(target) && (fs::is_empty(target) || holds_a_page_alone(target))))
+    fail<UsageError>("exporting a page: {} exists and holds other files than a page's; name another folder",
+                     folder.string());
   fs::create_directories(target.parent_path());
   const ScratchFolder scratch(target.parent_path());
   const fs::path page = scratch.path() / "page";

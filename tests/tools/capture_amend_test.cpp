@@ -46,6 +46,16 @@ TEST_F(CaptureAmend, ChoosesCameras) {
   EXPECT_THAT(find_capture(path("amended.yaml")).cameras, IsEmpty());
 }
 
+TEST_F(CaptureAmend, AnotherCalibrationHasUnitAndAxisOfItsOwn) {
+  std::string text = read_file(path("footage/capture.yaml"));
+  write_atomically(path("footage/capture.yaml"), text + "unit: mm\nup: '+z'\n");
+  ASSERT_EQ(amend("").code, 0);
+  EXPECT_EQ(find_capture(path("amended.yaml")).calibration_options.up, "+z");
+  ASSERT_EQ(amend("--calibration " + path("footage/cameras.yml")).code, 0);
+  EXPECT_EQ(find_capture(path("amended.yaml")).calibration_options.up, "");
+  EXPECT_EQ(find_capture(path("amended.yaml")).calibration_options.unit, "");
+}
+
 TEST_F(CaptureAmend, RefusesAnUnknownCamera) {
   const Outcome outcome = amend("--cameras a,c");
   EXPECT_EQ(outcome.code, 1);

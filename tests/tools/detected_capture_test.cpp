@@ -81,6 +81,14 @@ TEST_F(CaptureToDetect, ResultsAreACaptureAgain) {
   EXPECT_TRUE(fs::equivalent(other.calibration_path(), capture() / "cameras.yml"));
 }
 
+TEST_F(CaptureToDetect, ResultsCountFramesAsTheVideosDo) {
+  write(", keypoints: 'k{frame}.json', keypoint_offset: {\"0\": 5}");
+  write_detected_capture(capture(), root() / "out", report(root() / "out", false));
+  EXPECT_TRUE(read_capture(root() / "out").sequences[0].keypoint_offset.empty());
+  write_detected_capture(capture(), root() / "kept", report(root() / "kept", false), true);
+  EXPECT_EQ(read_capture(root() / "kept").sequences[0].keypoint_offset_of("0"), 5);
+}
+
 // The keypoints are those of the chosen person alone; the index of another detection would be out of range.
 TEST_F(CaptureToDetect, ResultsDoNotNameAPerson) {
   write(", keypoints: k.csv, person: 1");
@@ -103,6 +111,8 @@ TEST_F(CaptureToDetect, KeypointsOfTheCaptureOrOfAnEarlierRunAreUsed) {
   write_detected_capture(capture(), root() / "out", report(root() / "out", false));
   EXPECT_EQ(with({}), root() / "out/capture.yaml");
   EXPECT_ANY_THROW(with({true, false})) << "masks are needed, and the earlier run has none";
+  fs::copy(capture(), root() / "another");
+  EXPECT_ANY_THROW(with_keypoints(root() / "another", root() / "out", {}, CommonOptions())) << "another capture's";
   fs::last_write_time(root() / "footage/a.mp4", fs::file_time_type::clock::now() + std::chrono::hours(1));
   EXPECT_ANY_THROW(with({})) << "the video is newer";
   write(", keypoints: k.csv");

@@ -117,6 +117,12 @@ TEST_F(MakeTool, RefusesAFolderThatWasMadeFromSomethingElse) {
   EXPECT_THAT(other.err, HasSubstr("was made from other footage or with other options"));
 }
 
+TEST_F(MakeTool, RefusesTheFolderOfTheFootage) {
+  const Outcome refused = run("make " + footage().string() + " --out " + footage().string() + "/.");
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("is the folder of the footage"));
+}
+
 TEST_F(MakeTool, StopsOnAFaultyRecordingWithItsName) {
   exchange("000", "003");
   const Outcome stopped = make("--stop-after split");

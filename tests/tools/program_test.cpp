@@ -248,6 +248,10 @@ TEST(ProgramRejects, OptionsOfAnimateThatContradictEachOther) {
   EXPECT_THAT(complaint_about(animate + "--character c --licence u"), HasSubstr("requires --author"));
   EXPECT_THAT(complaint_about(animate + "--character c --format glb --out-up z"),
               HasSubstr("belongs to --format obj, bvh, pc2 and mdd"));
+  EXPECT_THAT(complaint_about(animate + "--character c --format npy --camera 3"),
+              HasSubstr("--camera belongs to --format mp4, png and texture"));
+  EXPECT_THAT(complaint_about(animate + "--character c --format npy,texture --background red"),
+              HasSubstr("--background belongs to --format mp4 and png"));
 }
 
 TEST(ProgramRejects, MissingFilesWithOneAndTheirName) {

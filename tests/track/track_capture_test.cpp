@@ -3,12 +3,14 @@
 #include <gmock/gmock.h>
 
 #include <opencv2/imgcodecs.hpp>
+#include <sstream>
 
 #include "doppel/character/dof_names.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
+#include "support/hostile_files.h"
 #include "support/message_of.h"
 #include "track/tube_capture.h"
 
@@ -64,6 +66,60 @@ TEST_F(TrackCapture, WritesACaptureThatNamesTheMotion) {
   second.out = root() / "again";
   const auto report = to_json(track_capture(*again, second));
   EXPECT_LT(report["sequences"]["walk"]["against_given_motion"]["landmarks_mm"].get<double>(), 1e-3);
+}
+
+TEST_F(TrackCapture, KeypointFilesMayCountFramesFromAnotherNumber) {
+  TrackOptions options;
+  options.out = root() / "tracked";
+  options.sheet_frames = 0;
+  track_capture(*Footage::open(root(), options.config.fit.outline_pixels), options);
+
+  std::istringstream lines(read_file(root() / "points.csv"));
+  std::string line, shifted, offsets;
+  for (int row = 0; std::getline(lines, line); ++row)
+    shifted += (row == 0 ? line : std::to_string(std::stol(line) + 5) + line.substr(line.find(','))) + "\n";
+  write_atomically(root() / "points.csv", shifted);
+  for (const PinholeCamera& camera : cameras_) offsets += (offsets.empty() ? "" : ", ") + ('"' + camera.name + "\": 5");
+  write_atomically(root() / "capture.yaml", support::replaced(read_file(root() / "capture.yaml"),
+                                                              "cuts: ", "keypoint_offset: {" + offsets + "}, cuts: "));
+  options.out = root() / "shifted";
+  track_capture(*Footage::open(root(), options.config.fit.outline_pixels), options);
+  EXPECT_EQ(read_file(root() / "shifted/walk.motion"), read_file(root() / "tracked/walk.motion"));
+}
+
+TEST_F(TrackCapture, WritesNoCutsBehindTheLastFrame) {
+  TrackOptions options;
+  options.out = root() / "tracked";
+  options.sheet_frames = 0;
+  options.limit_frames = 2;
+  track_capture(*Footage::open(root(), 128), options);
+  EXPECT_TRUE(read_capture(options.out).sequences.at(0).cuts.empty());
+}
+
+TEST_F(TrackCapture, FoldersBelongToOneMethodAndVerticesToOneRun) {
+  TrackOptions options;
+  options.out = root() / "tracked";
+  options.sheet_frames = 0;
+  options.vertices = true;
+  const auto footage = Footage::open(root(), 128);
+  track_capture(*footage, options);
+  EXPECT_EQ(tracked_method(options.out), "multiview");
+  EXPECT_TRUE(fs::exists(options.out / "walk_vertices.npy"));
+  options.vertices = false;
+  track_capture(*footage, options);
+  EXPECT_FALSE(fs::exists(options.out / "walk_vertices.npy")) << "those of the run before";
+  EXPECT_THAT(support::message_of<UsageError>([&] { check_tracked_method(options.out, "livecap"); }),
+              HasSubstr("holds the tracking of the method multiview, and this is livecap"));
+}
+
+TEST_F(TrackCapture, KeepsDescriptionsOfOthers) {
+  fs::create_directories(root() / "mine");
+  write_atomically(root() / "mine/capture.yaml", "# by hand\n");
+  TrackOptions options;
+  options.out = root() / "mine";
+  EXPECT_THAT(support::message_of<UsageError>([&] { track_capture(*Footage::open(root(), 128), options); }),
+              HasSubstr("does not say that doppel wrote it"));
+  EXPECT_EQ(read_file(root() / "mine/capture.yaml"), "# by hand\n");
 }
 
 TEST_F(TrackCapture, FitsSharedDofsBeforeItTracks) {

@@ -94,7 +94,13 @@ TEST(WebFolderErrors, KeepsWhatIsThere) {
   const TemporaryFolder folder;
   std::ofstream(folder / "letter.txt") << "dear";
   const std::string message = support::message_of([&] { write_web_folder(folder.path(), dressed_subject()); });
-  EXPECT_THAT(message, HasSubstr("holds something else"));
+  EXPECT_THAT(message, HasSubstr("holds other files"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "letter.txt"));
+  // A page beside which somebody put a file of their own.
+  std::filesystem::create_directories(folder / "double");
+  std::ofstream(folder / "double/description.json") << "{}";
+  EXPECT_THAT(support::message_of([&] { write_web_folder(folder.path(), dressed_subject()); }),
+              HasSubstr("holds other files"));
   EXPECT_TRUE(std::filesystem::exists(folder / "letter.txt"));
 }
 

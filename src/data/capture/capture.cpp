@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cstring>
+#include <fstream>
 #include <set>
 
 #include "doppel/core/atomic_file.h"
@@ -195,7 +196,8 @@ void read_sequences(const ConfigReader& reader, Capture& capture) {
 }
 
 fs::path read_root(const ConfigReader& reader, const fs::path& folder) {
-  fs::path root = fs::absolute(folder / reader.get("root", ".")).lexically_normal();
+  // Through symbolic links, as the file system goes: `..` of a link is the folder above its target.
+  fs::path root = fs::weakly_canonical(folder / reader.get("root", "."));
   if (!root.has_filename()) root = root.parent_path();  // "a/." becomes "a/", whose last part would be empty
   if (!fs::is_directory(root)) reader.fail_at_key("root", "the folder {} does not exist", root.string());
   return root;
@@ -370,7 +372,6 @@ Capture read_capture(const fs::path& file_or_folder) {
   capture.calibration_options.subject = reader.get("subject", "");
   read_rates(reader, capture);
   capture.cameras = reader.list<std::string>("cameras");
-  for (const std::string& camera : capture.cameras) check_name(reader, "cameras", camera);
   if (std::set<std::string>(capture.cameras.begin(), capture.cameras.end()).size() != capture.cameras.size())
     reader.fail_at_key("cameras", "names a camera twice");
   if (reader.has("background")) capture.background = read_pattern(reader, "background");
@@ -378,6 +379,18 @@ Capture read_capture(const fs::path& file_or_folder) {
   read_sequences(reader, capture);
   reader.finish();
   return capture;
+}
+
+void check_capture_out(const fs::path& path) {
+  if (!fs::exists(path)) return;
+  std::string line;
+  std::ifstream file(path);
+  std::getline(file, line);
+  if (!line.starts_with(std::string("# ") + kWrittenMark))
+    fail<UsageError>(
+        "{} exists, and its first line does not say that doppel wrote it; choose another name with --out, "
+        "or remove it",
+        path.string());
 }
 
 void write_capture(const fs::path& path, const Capture& capture, const std::vector<std::string>& comments) {

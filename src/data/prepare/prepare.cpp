@@ -419,7 +419,7 @@ class Preparation {
     capture.detector.reset();
     capture.cameras.clear();
     for (const Camera& camera : plan_.cameras) capture.cameras.push_back(camera.name);
-    write_capture(options_.out / "capture.yaml", capture);
+    write_capture(options_.out / "capture.yaml", capture, {"Written by `doppel prepare`: the prepared capture."});
     write_atomically(options_.out / "report.json", report.json() + "\n");
     mark_complete(store_);
   }
@@ -455,6 +455,7 @@ void check_out_folder(const Capture& capture, const fs::path& out) {
   if (!capture.file.empty() && fs::weakly_canonical(out / "capture.yaml") == fs::weakly_canonical(capture.file) &&
       !fs::exists(out / kStoreFolder))
     fail<UsageError>("{} is the capture itself; choose another folder with --out", out.string());
+  if (!fs::exists(out / kStoreFolder)) check_capture_out(out / "capture.yaml");
 }
 
 }  // namespace

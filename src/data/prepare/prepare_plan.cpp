@@ -243,8 +243,8 @@ std::string describe_settings(const PreparePlan& plan, const PrepareOptions& opt
                                  options.image_size, options.margin, options.jpeg_quality);
   for (std::size_t c = 0; c < plan.cameras.size(); ++c) {
     const Camera& camera = plan.cameras[c];
-    text += fmt::format("camera {}: {}x{}, distortion {}\n", camera.name, camera.width, camera.height,
-                        describe_lens(camera));
+    text += fmt::format("camera {}: {}x{}, distortion {}, projection {:.9g}\n", camera.name, camera.width,
+                        camera.height, describe_lens(camera), fmt::join(camera.projection().reshaped(), " "));
   }
   for (const PlannedSequence& sequence : plan.sequences) {
     text += describe_sequence(sequence);

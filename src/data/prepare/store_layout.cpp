@@ -132,7 +132,7 @@ void write_store_layout(Store& store, const StoreLayout& layout) {
     document["cameras"].push_back(to_json(layout.cameras[i], layout.file_index.at(i)));
   if (!layout.landmarks.empty()) document["landmarks"] = json::array();
   for (const Marker& landmark : layout.landmarks) document["landmarks"].push_back(to_json(landmark));
-  store.put({{kDescription, document.dump()}});
+  store.put({{kDescription, document.dump(-1, ' ', false, json::error_handler_t::replace)}});
 }
 
 void mark_complete(Store& store) { store.put({{kComplete, "1"}}); }

@@ -19,7 +19,7 @@ class KeypointSource {
   ///             with one
   /// @param offset number that the files have of frame 0
   /// @throws FileError when the file of all frames cannot be read, or the folder has no .json file
-  KeypointSource(std::string path, const PointLayout& layout, const KeypointCamera& camera, long offset = 0);
+  KeypointSource(std::string path, const PointLayout& layout, const KeypointCamera& camera, long offset);
 
   /// All people in a frame; nothing when the file of this frame is missing. @throws FileError as read_people
   std::optional<People> people(long frame) const;

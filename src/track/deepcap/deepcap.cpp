@@ -111,7 +111,7 @@ TrackReport track_deepcap(const Footage& footage, const DeepcapOptions& options)
   TrainedPose trained = TrainedPose::load(options.run);
   if (trained.character.fingerprint() != footage.character().fingerprint())
     fail("{} was trained for another character than the capture's", options.run.string());
-  open_out_folder(footage, options.out);
+  open_out_folder(footage, options.out, "deepcap");
   const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
   require_masks(footage, chosen, "`doppel track deepcap`");
   Progress progress("track", count_frames(chosen) * (options.film || options.vertices ? 2 : 1));

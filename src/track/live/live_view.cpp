@@ -41,8 +41,9 @@ PeopleFinder people_finder(const Capture& capture, const SequenceEntry& entry, c
   if (entry.keypoints.empty() || options.from_camera || options.blazepose) return {};
   const Camera& camera = filmed.cameras.front();
   const int index = filmed.file_index.front();
-  const auto source = std::make_shared<KeypointSource>(capture.source(entry.keypoints, index, camera.name), layout,
-                                                       keypoint_camera(camera, index));
+  const auto source =
+      std::make_shared<KeypointSource>(capture.source(entry.keypoints, index, camera.name), layout,
+                                       keypoint_camera(camera, index), entry.keypoint_offset_of(camera.name));
   return [source](const SourceImage& image) { return source->people(image.frame); };
 }
 

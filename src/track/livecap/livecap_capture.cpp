@@ -91,7 +91,7 @@ SequenceReport track_sequence(const Footage& footage, const LivecapCaptureOption
 
 TrackReport track_livecap(const Footage& footage, const LivecapCaptureOptions& options, Preview* preview) {
   check_one_camera(footage);
-  open_out_folder(footage, options.out);
+  open_out_folder(footage, options.out, "livecap");
   const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
   warn_without_masks(chosen);
   const OneThreadFewer while_reading;

@@ -214,7 +214,7 @@ std::vector<FootageSequence> training_sequences(const Footage& footage, const Re
 }  // namespace
 
 TrackReport refine_capture(const Footage& footage, const RefineOptions& options) {
-  open_out_folder(footage, options.out);
+  open_out_folder(footage, options.out, "refine");
   const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
   const std::vector<FootageSequence> training = training_sequences(footage, options);
   std::vector<Motion> motions;

@@ -12,6 +12,7 @@
 #include "doppel/data/capture/find_capture.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"
+#include "support/temporary_folder.h"
 
 namespace doppel::capture_test {
 namespace {
@@ -139,6 +140,20 @@ TEST(CaptureReference, ReadsEveryField) {
   EXPECT_EQ(capture.detector->network.mean, (std::array<double, 3>{104, 117, 123}));
   EXPECT_TRUE(capture.detector->network.rgb);
   EXPECT_EQ(capture.source(park.subtraction->empty, 3, "left"), (capture.root / "empty/left/{frame:04}.png").string());
+}
+
+TEST(CaptureReference, TheRootGoesThroughSymbolicLinks) {
+  const support::TemporaryFolder folder;
+  std::filesystem::create_directories(folder / "anna/prepared");
+  write_atomically(folder / "anna/prepared/capture.yaml",
+                   "doppel_capture: 1\nroot: ..\ncalibration: c.yml\ncameras: [Kamera S\u00fcd 0]\n"
+                   "sequences:\n  - {name: a, split: train, videos: a.mp4}\n");
+  std::filesystem::create_directories(folder / "bob");
+  std::filesystem::create_directory_symlink(folder / "anna/prepared", folder / "bob/link");
+  const Capture capture = read_capture(folder / "bob/link");
+  EXPECT_EQ(capture.root, std::filesystem::canonical(folder / "anna"));
+  EXPECT_EQ(capture.name, "anna");
+  EXPECT_EQ(capture.cameras.at(0), "Kamera S\u00fcd 0") << "names are those of the calibration";
 }
 
 TEST(CaptureReference, WritingAndReadingGivesTheSame) {

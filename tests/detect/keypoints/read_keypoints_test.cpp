@@ -511,11 +511,11 @@ TEST_F(KeypointFiles, TooManyValuesForTheMemoryAreRefusedBeforeTheyAreParsed) {
 
 TEST_F(KeypointFiles, SourcesOfAPatternAndOfOneFile) {
   support::write_bytes(folder_ / "f_0003.json", openpose(openpose_person(3)));
-  const KeypointSource single((folder_ / "f_{frame:04}.json").string(), layout_of(3), {"c"});
+  const KeypointSource single((folder_ / "f_{frame:04}.json").string(), layout_of(3), {"c"}, 0);
   EXPECT_EQ(single.people(3)->size(), 1u);
   EXPECT_FALSE(single.people(4).has_value());
   support::write_bytes(file_, "[" + coco("3", 3) + "]");
-  const KeypointSource whole(file_.string(), layout_of(3), {"c"});
+  const KeypointSource whole(file_.string(), layout_of(3), {"c"}, 0);
   EXPECT_EQ(whole.people(3)->size(), 1u);
   EXPECT_TRUE(whole.people(4)->empty());
   EXPECT_THROW(KeypointSource((folder_ / "none.json").string(), layout_of(3), {"c"}), FileError);
@@ -524,13 +524,13 @@ TEST_F(KeypointFiles, SourcesOfAPatternAndOfOneFile) {
 TEST_F(KeypointFiles, SourcesOfAFolder) {
   const std::filesystem::path folder = folder_ / "cam01_json";
   std::filesystem::create_directory(folder);
-  EXPECT_THAT(message_of<FileError>([&] { KeypointSource(folder.string(), layout_of(3), {"c"}); }),
+  EXPECT_THAT(message_of<FileError>([&] { KeypointSource(folder.string(), layout_of(3), {"c"}, 0); }),
               HasSubstr("no .json file"));
   support::write_bytes(folder / "cam01.0031.json", openpose(openpose_person(3)));
   EXPECT_EQ(KeypointSource(folder.string(), layout_of(3), {"c"}).people(31)->size(), 1u) << "one file of one image";
   support::write_bytes(folder / "cam01.9.json", openpose(openpose_person(3) + "," + openpose_person(3)));
   support::write_bytes(folder / "readme.txt", "not read");
-  const KeypointSource source(folder.string(), layout_of(3), {"c"});
+  const KeypointSource source(folder.string(), layout_of(3), {"c"}, 0);
   EXPECT_EQ(source.people(31)->size(), 1u);
   EXPECT_EQ(source.people(9)->size(), 2u);
   EXPECT_FALSE(source.people(10).has_value());

@@ -116,7 +116,7 @@ TEST_F(RealKeypoints, OfOpenPoseFromFourCameras) {
   ASSERT_EQ(expected["frames"].size(), 24u);
   for (const Json& frame : expected["frames"]) {
     const fs::path file = sample("openpose_body25b_4cams") / frame["file"].get<std::string>();
-    const KeypointSource source(file.parent_path().string(), layout("body25b"), {});
+    const KeypointSource source(file.parent_path().string(), layout("body25b"), {}, 0);
     const People people = source.people(frame["frame"].get<long>()).value();
     ASSERT_EQ(people.size(), frame["persons"].size()) << file;
     for (std::size_t i = 0; i < people.size(); ++i) expect_person(people[i], frame["persons"][i]);
@@ -129,7 +129,7 @@ TEST_F(RealKeypoints, OfOpenPoseWithNobody) {
   for (const auto& entry : fs::recursive_directory_iterator(sample("openpose_empty"))) {
     if (!entry.is_regular_file() || entry.path().filename() == "truth.json") continue;
     EXPECT_TRUE(read_people(entry.path(), layout("body25")).empty()) << entry.path();
-    EXPECT_TRUE(KeypointSource(entry.path().parent_path().string(), layout("body25"), {})
+    EXPECT_TRUE(KeypointSource(entry.path().parent_path().string(), layout("body25"), {}, 0)
                     .people(52)
                     .value_or(People())
                     .empty());

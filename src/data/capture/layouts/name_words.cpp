@@ -28,9 +28,9 @@ const Words kMaskWords{"mask",         "masks",        "msk",         "fg",    "
                        "seg",          "silhouette",   "silhouettes", "matte", "alpha",      "mattes",
                        "segmentation", "segmentations"};
 const Words kEmptyWords{"empty", "background", "backgrounds", "bg", "bkg", "backplate", "emptyscene"};
-const Words kUnusedWords{"board",      "boards",     "checkerboard", "chessboard", "charuco", "calib",   "calibration",
-                         "intrinsics", "extrinsics", "depth",        "normal",     "normals", "overlay", "overlays",
-                         "preview",    "previews",   "render",       "renders",    "debug",   "texture", "textures"};
+const Words kUnusedWords{"board",      "boards",     "checkerboard", "chessboard", "charuco", "calib",    "calibration",
+                         "intrinsics", "extrinsics", "depth",        "normals",    "overlay", "overlays", "preview",
+                         "previews",   "render",     "renders",      "debug",      "texture", "textures"};
 const Words kKindWords{"video",     "videos",     "image",   "images",   "img",       "imgs",      "rgb",
                        "rgbs",      "frame",      "frames",  "cam",      "camera",    "cameras",   "view",
                        "views",     "stream",     "streams", "color",    "colour",    "raw",       "footage",
