@@ -1,6 +1,8 @@
 #include "doppel/actor/trained_actor.h"
 
 #include <algorithm>
+#include <map>
+#include <sstream>
 
 #include "doppel/actor/run_folder.h"
 #include "doppel/actor/run_stages.h"
@@ -36,9 +38,19 @@ void load_egnet(TrainedActor& actor, const StoredStage& stage, const fs::path& r
   load_evaluation_weights(*actor.egnet, stage.checkpoint);
 }
 
+/// Each camera has the light that was learnt for the camera of its name. Another capture may have fewer cameras, or
+/// others; a prepared capture lists them.
 void load_lighting(TrainedActor& actor, const StoredStage& stage) {
   actor.lighting = Lighting(stage.checkpoint.tensor("model.trained").size(0), std::vector<int>{});
   load_evaluation_weights(*actor.lighting, stage.checkpoint);
+  if (!stage.checkpoint.has_text("cameras")) return;
+  std::map<std::string, std::int64_t> row_of;
+  std::istringstream names(stage.checkpoint.text("cameras"));
+  for (std::string name; std::getline(names, name);) row_of.emplace(name, static_cast<std::int64_t>(row_of.size()));
+  std::vector<std::int64_t> rows;
+  for (const std::string& name : read_capture(actor.subject.capture).cameras)
+    rows.push_back(row_of.contains(name) ? row_of.at(name) : -1);
+  if (!rows.empty()) actor.lighting->set_rows(rows);
 }
 
 void load_delta_net(TrainedActor& actor, const StoredStage& stage) {

@@ -40,7 +40,8 @@ Residuals residuals(const Tensor& points, const KeypointTarget& target, const Ke
       projection.select(-1, 3).unsqueeze(2);  // [B,C,M,3]: u z, v z, z
   const Tensor depth = seen.narrow(-1, 2, 1);
   const Tensor confidence = keypoints.select(-1, 2);
-  const Tensor wanted = (confidence >= options.confidence_threshold) & keypoints.isfinite().all(-1);
+  // A point that was not detected has confidence 0 and counts nowhere, whatever the threshold.
+  const Tensor wanted = (confidence >= options.confidence_threshold) & (confidence > 0) & keypoints.isfinite().all(-1);
   const Tensor counts = wanted & known.unsqueeze(1) & (depth.squeeze(-1) > options.nearest_depth);
   const Tensor pixel = seen.narrow(-1, 0, 2) / torch::where(counts.unsqueeze(-1), depth, torch::ones_like(depth));
   const Tensor off = or_zero(counts.unsqueeze(-1), scale * (pixel - keypoints.narrow(-1, 0, 2)));

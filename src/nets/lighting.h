@@ -29,8 +29,15 @@ class LightingImpl : public torch::nn::Module {
 
   torch::Tensor mean() const;  ///< of the trained cameras, [1,3,9]
 
+  /// Says which cameras `forward` is asked for, where they are not those of the training.
+  /// @param rows of each camera: its row in `coefficients`, or -1 for one that is none of them
+  void set_rows(const std::vector<std::int64_t>& rows);
+
   torch::Tensor coefficients;  ///< parameter [C,3,9]
   torch::Tensor trained;       ///< buffer, bool [C]
+
+ private:
+  torch::Tensor rows_;  ///< int64, C for the mean; undefined: the cameras of the training
 };
 TORCH_MODULE(Lighting);
 

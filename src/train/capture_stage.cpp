@@ -1,6 +1,7 @@
 #include "doppel/train/capture_stage.h"
 
 #include <ATen/CPUGeneratorImpl.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <limits>
@@ -55,10 +56,18 @@ std::string CaptureStage::batch_description() const {
 }
 
 std::string CaptureStage::identity() const {
-  return fmt::format("character {} {}, capture {} with {} training frames and {} cameras", character_.name,
-                     character_.fingerprint(), dataset_.capture().name,
-                     chosen_samples(dataset_, options_.split, options_.frames).size(),
-                     dataset_.camera_indices(options_.cameras).size());
+  std::vector<std::string> cameras;
+  for (const int c : dataset_.camera_indices(options_.cameras)) cameras.push_back(dataset_.camera(c).name);
+  return fmt::format("character {} {}, capture {} with {} training frames at {:g} a second and cameras {}",
+                     character_.name, character_.fingerprint(), dataset_.capture().name,
+                     chosen_samples(dataset_, options_.split, options_.frames).size(), dataset_.capture().fps,
+                     fmt::join(cameras, ", "));
+}
+
+std::vector<std::string> CaptureStage::camera_names() const {
+  std::vector<std::string> names;
+  for (const PinholeCamera& camera : dataset_.cameras()) names.push_back(camera.name);
+  return names;
 }
 
 torch::Tensor CaptureStage::training_windows(std::size_t limit, int past_frames) const {

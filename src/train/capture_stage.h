@@ -38,6 +38,7 @@ class CaptureStage : public Stage {
   std::string data_state() const override { return loader_.state(); }
   void restore_data(const std::string& state) override { loader_.restore(state); }
   std::string identity() const override;
+  std::vector<std::string> camera_names() const override;
 
  protected:
   const Dataset& dataset() const { return dataset_; }

@@ -71,6 +71,8 @@ class Stage {
 
   /// Identifies data and character. A run does not resume from a checkpoint with another identity.
   virtual std::string identity() const = 0;
+  /// The cameras of the data by their index, which checkpoints name.
+  virtual std::vector<std::string> camera_names() const { return {}; }
 
   /// Whether a parameter can get a gradient in a step at or after `step`. A checkpoint holds the optimiser's moments of
   /// these parameters only. `step` counts the steps done so far; `parameter` is a name in `model`.

@@ -1,6 +1,7 @@
 #include "doppel/train/trainer.h"
 
 #include <ATen/CPUGeneratorImpl.h>
+#include <fmt/ranges.h>
 
 #include <cmath>
 #include <functional>
@@ -118,7 +119,7 @@ TrainSummary Trainer::run() {
   if (writes()) finish_files(summary.reason);
   summary.step = step_;
   summary.seconds = seconds();
-  summary.loss = last_loss_;
+  summary.loss = window_.steps() > 0 ? window_.take().loss : last_loss_;  // of steps that no line of metrics has yet
   return summary;
 }
 
@@ -327,6 +328,7 @@ void Trainer::save_checkpoint() {
   Checkpoint checkpoint;
   checkpoint.set_text("stage", stage_.name());
   checkpoint.set_text("identity", stage_.identity());
+  checkpoint.set_text("cameras", fmt::format("{}", fmt::join(stage_.camera_names(), "\n")));
   checkpoint.set_text("step", std::to_string(step_));
   checkpoint.set_text("seconds", fmt::format("{:.17g}", seconds()));
   checkpoint.set_text("loss", fmt::format("{:.17g}", last_loss_));

@@ -81,6 +81,17 @@ TEST(KeypointLoss, LeavesOutWhatIsNotSeen) {
   EXPECT_TRUE(is_near(keypoint_loss(scene.points, scene.target), terms.sum() / 5.0, 1e-9));
 }
 
+TEST(KeypointLoss, APointThatWasNotDetectedHasNoErrorAtAnyThreshold) {
+  Scene scene;
+  scene.target.keypoints = scene.target.keypoints.clone();
+  scene.target.keypoints.select(2, 4).zero_();  // at pixel (0, 0), as detectors write it
+  KeypointLossOptions low, none;
+  low.confidence_threshold = 1e-9;
+  none.confidence_threshold = 0.0;
+  EXPECT_EQ(keypoint_error(scene.points, scene.target, none).item<double>(),
+            keypoint_error(scene.points, scene.target, low).item<double>());
+}
+
 TEST(KeypointLoss, NeverGivesNumbersThatAreNone) {
   for (double bad : {kNan, kInfinity, 0.0}) {
     for (const auto type : {torch::kFloat32, torch::kFloat64}) {
