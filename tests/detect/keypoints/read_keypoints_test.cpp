@@ -518,7 +518,7 @@ TEST_F(KeypointFiles, SourcesOfAPatternAndOfOneFile) {
   const KeypointSource whole(file_.string(), layout_of(3), {"c"}, 0);
   EXPECT_EQ(whole.people(3)->size(), 1u);
   EXPECT_TRUE(whole.people(4)->empty());
-  EXPECT_THROW(KeypointSource((folder_ / "none.json").string(), layout_of(3), {"c"}), FileError);
+  EXPECT_THROW(KeypointSource((folder_ / "none.json").string(), layout_of(3), {"c"}, 0), FileError);
 }
 
 TEST_F(KeypointFiles, SourcesOfAFolder) {
@@ -527,7 +527,7 @@ TEST_F(KeypointFiles, SourcesOfAFolder) {
   EXPECT_THAT(message_of<FileError>([&] { KeypointSource(folder.string(), layout_of(3), {"c"}, 0); }),
               HasSubstr("no .json file"));
   support::write_bytes(folder / "cam01.0031.json", openpose(openpose_person(3)));
-  EXPECT_EQ(KeypointSource(folder.string(), layout_of(3), {"c"}).people(31)->size(), 1u) << "one file of one image";
+  EXPECT_EQ(KeypointSource(folder.string(), layout_of(3), {"c"}, 0).people(31)->size(), 1u) << "one file of one image";
   support::write_bytes(folder / "cam01.9.json", openpose(openpose_person(3) + "," + openpose_person(3)));
   support::write_bytes(folder / "readme.txt", "not read");
   const KeypointSource source(folder.string(), layout_of(3), {"c"}, 0);
@@ -542,7 +542,7 @@ TEST_F(KeypointFiles, SourcesOfAFolder) {
   const std::filesystem::path results = folder_ / "results";
   std::filesystem::create_directory(results);
   support::write_bytes(results / "alphapose-results.json", "[" + alphapose("7.jpg", 3) + "]");
-  EXPECT_EQ(KeypointSource(results.string(), layout_of(3), {"c"}).people(7)->size(), 1u) << "one file of all frames";
+  EXPECT_EQ(KeypointSource(results.string(), layout_of(3), {"c"}, 0).people(7)->size(), 1u) << "one file of all frames";
 }
 
 }  // namespace

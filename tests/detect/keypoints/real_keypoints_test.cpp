@@ -94,7 +94,7 @@ TEST_F(RealKeypoints, OfOpenPoseWithFaceAndHands) {
   for (int i = 0; i < 112; ++i) whole.points.push_back("more" + std::to_string(i));
   const Json expected = ground_truth("openpose_body25_face_hands");
   const KeypointSource source(sample("openpose_body25_face_hands").string() + "/video_{frame:012}_keypoints.json",
-                              whole, {});
+                              whole, {}, 0);
   ASSERT_EQ(expected["frames"].size(), 3u);
   for (long f = 0; f < 3; ++f) {
     const Json person = expected["frames"][static_cast<std::size_t>(f)]["persons"][0];
@@ -286,7 +286,7 @@ class RealPersonChoice : public support::SharedFolderTest {
     reference_ = read_space_points(folder / "reference" / "pose2sim_filtered.trc");
     std::vector<KeypointSource> sources;
     for (const char* camera : {"cam01", "cam02", "cam03", "cam04"})
-      sources.emplace_back((folder / "openpose" / camera).string(), layout_, KeypointCamera());
+      sources.emplace_back((folder / "openpose" / camera).string(), layout_, KeypointCamera(), 0);
     for (long f = 0; f < 100; ++f) {
       frames_.emplace_back();
       for (const KeypointSource& source : sources) frames_.back().push_back(source.people(f).value_or(People()));
