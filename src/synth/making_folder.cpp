@@ -80,7 +80,8 @@ void MakingFolder::publish() {
   // The capture is complete, so what cannot be removed is no failure.
   fs::remove(target_ / kWorkFile, code);
   if (replaces && !code) fs::remove_all(old, code);
-  if (code) log::warn("{} or {} could not be removed: {}", (target_ / kWorkFile).string(), old.string(), code.message());
+  if (code)
+    log::warn("{} or {} could not be removed: {}", (target_ / kWorkFile).string(), old.string(), code.message());
 }
 
 }  // namespace doppel::synth

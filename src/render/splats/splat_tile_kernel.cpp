@@ -63,11 +63,11 @@ inline void store_lanes(T* out, V v, Int8 lanes) {
 }
 
 /// Adds the runs of a Gaussian behind the first n. Each row has one at least, be it of transparent pixels.
-/// @param place in the order @return the number of runs
-inline int find_runs(const SplatTile& tile, std::int64_t place, SplatScratch& out, int n) {
+/// @param position in the order @return the number of runs
+inline int find_runs(const SplatTile& tile, std::int64_t position, SplatScratch& out, int n) {
   constexpr std::int64_t kAhead = 8;  // records lie anywhere in memory
-  __builtin_prefetch(tile.splats + tile.order[place + kAhead < tile.count ? place + kAhead : place]);
-  const std::int32_t number = tile.order[place];
+  __builtin_prefetch(tile.splats + tile.order[position + kAhead < tile.count ? position + kAhead : position]);
+  const std::int32_t number = tile.order[position];
   const SplatRecord& g = tile.splats[number];
   const int top = (g.y0 > tile.y0 ? g.y0 : tile.y0) - tile.y0;
   const int bottom = (g.y1 < tile.y1 - 1 ? g.y1 : tile.y1 - 1) - tile.y0;
