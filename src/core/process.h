@@ -8,7 +8,7 @@ namespace doppel {
 /// - The process keeps large freed blocks instead of returning them to the system: the page faults of a new 40 MB
 ///   tensor cost more than the arithmetic of most kernels.
 /// - A lack of memory that nothing can catch, say in a library's thread, is a sentence and exit code 1.
-/// - Ctrl-C, SIGTERM and SIGHUP (unless nohup) are requests for `stop_requested`; a second one ends the process at once.
+/// - Ctrl-C, SIGTERM and SIGHUP (unless nohup) are requests for `stop_requested`; a second ends the process at once.
 void setup_process();
 
 /// Starts the program once more, with environment variables set that libraries read while they are loaded, which is
