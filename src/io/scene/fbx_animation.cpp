@@ -109,7 +109,8 @@ std::vector<double> sample_times(const std::array<Curve, 3>& curves, bool angles
     if (static_cast<double>(times.size()) + pieces > static_cast<double>(limits.keys))
       fail("the animations have more than {} keys", limits.keys);
     for (int i = 1; i < pieces; ++i) times.push_back(*key + gap * i / pieces);
-    if (held) times.push_back(*next - kHeldEnd * gap / pieces);
+    const double before = *next - kHeldEnd * gap / pieces;
+    if (held && before > times.back() && before < *next) times.push_back(before);
   }
   return times;
 }
