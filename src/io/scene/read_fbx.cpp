@@ -125,7 +125,7 @@ void FbxReader::read_settings() {
   if (unit > 0 && std::isfinite(unit)) scene_.metres_per_unit = 0.01 * unit;
   scene_.up = "xyz"[fbx_choice(from, "UpAxis", 1, 2)];
   if (fbx_number(from, "UpAxisSign", 1) < 0)
-    scene_.warnings.push_back("the file's up axis points down; it is not turned");
+    scene_.warnings.emplace_back("the file's up axis points down; it is not turned");
 }
 
 void FbxReader::read_models() {

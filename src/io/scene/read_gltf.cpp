@@ -33,7 +33,7 @@ class GltfReader {
     read_animations();
     if (!file_.look_warning().empty()) scene_.warnings.push_back(file_.look_warning());
     if (morphs_)
-      scene_.warnings.push_back("face shapes (morph targets) keep their default; their animation is left out");
+      scene_.warnings.emplace_back("face shapes (morph targets) keep their default; their animation is left out");
     if (left_out_ > 0)
       scene_.warnings.push_back(fmt::format("{} primitives of points or lines are left out", left_out_));
     if (unnormalised_ > 0)
@@ -346,7 +346,7 @@ void GltfReader::read_primitive(const Json& entry, const std::string& where, Sce
   if (positions == kNoAccessor) return;
   // A file that does not require the extension has the numbers also without compression.
   draco_.reset();
-  if (file_.object(file_.object(entry, "extensions"), "KHR_draco_mesh_compression").size() > 0 &&
+  if (!file_.object(file_.object(entry, "extensions"), "KHR_draco_mesh_compression").empty() &&
       file_.index(file_.list("accessors")[positions], "bufferView", file_.list("bufferViews").size(), where) < 0)
     draco_ = read_draco(file_, entry, limits_, where);
   const GltfNumbers points = attribute(attributes, "POSITION", 3, "positions").value();

@@ -95,8 +95,15 @@ static inline void load_rows4(const float* rows, Float8* out) {
   out[2] = __builtin_shufflevector(ab23, cd23, 0, 1, 2, 3, 8, 9, 10, 11);
   out[3] = __builtin_shufflevector(ab23, cd23, 4, 5, 6, 7, 12, 13, 14, 15);
 }
-/// The reverse: adds columns to rows in memory.
-static inline void add_to_rows3(float* rows, const Float8* v) {
+/// The reverse: adds columns to rows of one, three or four numbers in memory.
+template <int kColumns>
+inline void add_to_rows(float* rows, const Float8* v);
+template <>
+inline void add_to_rows<1>(float* rows, const Float8* v) {
+  store8(rows, load8(rows) + v[0]);
+}
+template <>
+inline void add_to_rows<3>(float* rows, const Float8* v) {
   const Float8 a = __builtin_shufflevector(v[0], v[1], 0, 8, 0, 1, 9, 0, 2, 10),
                b = __builtin_shufflevector(v[0], v[1], 0, 3, 11, 0, 4, 12, 0, 5),
                c = __builtin_shufflevector(v[0], v[1], 13, 0, 6, 14, 0, 7, 15, 0);
@@ -104,7 +111,8 @@ static inline void add_to_rows3(float* rows, const Float8* v) {
   store8(rows + 8, load8(rows + 8) + __builtin_shufflevector(b, v[2], 10, 1, 2, 11, 4, 5, 12, 7));
   store8(rows + 16, load8(rows + 16) + __builtin_shufflevector(c, v[2], 0, 13, 2, 3, 14, 5, 6, 15));
 }
-static inline void add_to_rows4(float* rows, const Float8* v) {
+template <>
+inline void add_to_rows<4>(float* rows, const Float8* v) {
   const Float8 ab[2] = {__builtin_shufflevector(v[0], v[1], 0, 8, 1, 9, 2, 10, 3, 11),
                         __builtin_shufflevector(v[0], v[1], 4, 12, 5, 13, 6, 14, 7, 15)},
                cd[2] = {__builtin_shufflevector(v[2], v[3], 0, 8, 1, 9, 2, 10, 3, 11),

@@ -294,7 +294,7 @@ inline void write_records(const Projected& p, const Extent& e, const Shade& shad
   const Factors f = factors(p);
   const Float8 pixel_x = floor_of(p.u), pixel_y = floor_of(p.v);
   const Float8 sum = shading.colour[0] + shading.colour[1] + shading.colour[2];
-  visible &= sum - sum == 0.0f;
+  visible &= sum * 0.0f == 0.0f;
   const auto of = [](Int8 v) { return (Float8)v; };  // moved, never computed with
   const Float8 low[kEight] = {of(__builtin_convertvector(pixel_x, Int8)),
                               of(__builtin_convertvector(pixel_y, Int8)),
@@ -461,17 +461,9 @@ template <int kColumns>
 inline void add_rows(const Float8* values, const Target& target, float* out) {
   Float8 v[kColumns];
   for (int d = 0; d < kColumns; ++d) v[d] = where8(target.drawn, values[d]);
-  if (target.here < kEight) {
-    for (int i = 0; i < target.here; ++i) {
-      for (int d = 0; d < kColumns; ++d) out[i * kColumns + d] += v[d][i];
-    }
-  } else if constexpr (kColumns == 1) {
-    store8(out, load8(out) + v[0]);
-  } else if constexpr (kColumns == 3) {
-    add_to_rows3(out, v);
-  } else {
-    static_assert(kColumns == 4);
-    add_to_rows4(out, v);
+  if (target.here == kEight) return add_to_rows<kColumns>(out, v);
+  for (int i = 0; i < target.here; ++i) {
+    for (int d = 0; d < kColumns; ++d) out[i * kColumns + d] += v[d][i];
   }
 }
 
