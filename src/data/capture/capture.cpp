@@ -382,14 +382,14 @@ Capture read_capture(const fs::path& file_or_folder) {
 }
 
 void check_capture_out(const fs::path& path) {
+  static const std::string kMark = "# Written by `doppel ";
   if (!fs::exists(path)) return;
   std::string line;
   std::ifstream file(path);
   std::getline(file, line);
-  if (!line.starts_with(std::string("# ") + kWrittenMark))
+  if (!line.starts_with(kMark))
     fail<UsageError>(
-        "{} exists, and its first line does not say that doppel wrote it; choose another name with --out, "
-        "or remove it",
+        "{} exists, and its first line does not say that doppel wrote it; choose another name with --out, or remove it",
         path.string());
 }
 

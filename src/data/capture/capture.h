@@ -111,11 +111,10 @@ Capture read_capture(const std::filesystem::path& file_or_folder);
 /// Writes a capture, including `root`, so that `read_capture` returns the same capture. `root` is written as a relative
 /// path when it is in or beside the folder of the file, otherwise as an absolute path.
 /// @param comments lines at the top of the file
-/// The first line of descriptions that a command writes begins so.
-inline constexpr const char* kWrittenMark = "Written by `doppel ";
-/// @throws UsageError when `path` is a description without that line, so perhaps somebody's own
-void check_capture_out(const std::filesystem::path& path);
 void write_capture(const std::filesystem::path& path, const Capture& capture,
                    const std::vector<std::string>& comments = {});
+/// Protects a `capture.yaml` that a user wrote. The commands begin theirs with the comment "Written by `doppel ...".
+/// @throws UsageError when `path` exists and its first line is not this comment
+void check_capture_out(const std::filesystem::path& path);
 
 }  // namespace doppel

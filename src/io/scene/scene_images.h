@@ -11,7 +11,7 @@ namespace doppel {
 
 /// The image file that a surface names: as it is written, else by its name alone in the folder of the scene and in
 /// folders beside it. Of a pattern of tiles (texture_tiles.h), the first tile that exists. Empty when there is none.
-/// Slashes of both kinds are understood; a name that does not exist is also read as a URI with %20 for a blank.
+/// Slashes of both kinds are understood. A name without a file is read once more as a URI, in which %20 is a blank.
 std::filesystem::path find_image(const std::filesystem::path& scene_file, std::string name);
 
 /// The images of one scene file. Decoders allocate what a header announces, so the header is looked at first, and all
