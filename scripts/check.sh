@@ -88,6 +88,9 @@ check_headers-changed() {
 # headers through the link build/tidy/include/doppel.
 ours='/(src|tools|tests|build/tidy/include/doppel)/[a-z0-9_/]*\.(h|cpp)'
 
+# Clang has no omp.h without its own OpenMP library; GCC's serves, behind all headers of Clang.
+omp_headers="-idirafter$(dirname "$(gcc -print-file-name=include/omp.h)")"
+
 # configure_tidy BATCH: compile commands in build/tidy, and the headers that the build generates. Nothing is compiled: a
 # target of a generated header would build all modules below its own first. So there are no precompiled headers of GCC,
 # which clang-tidy cannot read.
@@ -111,7 +114,8 @@ report_tidy() {
 # Each unity batch is checked as a whole: most of the time goes into LibTorch's headers.
 check_tidy() {
   configure_tidy 10
-  run-clang-tidy -p build/tidy -j "$(nproc)" -quiet -checks=-bugprone-suspicious-include -header-filter="$ours\$" \
+  run-clang-tidy -p build/tidy -j "$(nproc)" -quiet -extra-arg="$omp_headers" \
+    -checks=-bugprone-suspicious-include -header-filter="$ours\$" \
     '^(?!.*/(headers|pch)/|.*_pch\.dir/).*\.(cpp|cxx)$' >build/tidy/report.txt 2>/dev/null || true
   report_tidy build/tidy/report.txt
 }
@@ -136,7 +140,8 @@ check_tidy-changed() {
   for source in "${changed[@]}"; do
     [ $SECONDS -lt 300 ] || break
     [ "$(jobs -rp | wc -l)" -lt "$(nproc)" ] || wait -n || true
-    clang-tidy -p build/tidy --quiet --header-filter="$ours\$" "$source" >"build/tidy/reports/${source//\//-}.txt" 2>/dev/null &
+    clang-tidy -p build/tidy --quiet --extra-arg="$omp_headers" --header-filter="$ours\$" "$source" \
+      >"build/tidy/reports/${source//\//-}.txt" 2>/dev/null &
     checked=$((checked + 1))
   done
   wait
