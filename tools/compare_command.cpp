@@ -10,6 +10,7 @@
 #include "doppel/actor/run_folder.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_path.h"
 
 namespace doppel::tools {
 
@@ -96,8 +97,8 @@ std::string markdown(const Json& runs) {
 int run(const CompareArguments& arguments, const CommonOptions& common) {
   Json runs;
   for (const std::string& path : arguments.runs) {
-    const fs::path folder = fs::absolute(path).lexically_normal();
-    std::string name = (folder.has_filename() ? folder : folder.parent_path()).filename().string();
+    const fs::path folder = folder_path(fs::absolute(path));
+    std::string name = folder.filename().string();
     if (runs.contains(name)) name = path;
     runs[name] = read_evaluation(folder, arguments.split);
   }

@@ -16,6 +16,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
+#include "doppel/core/folder_path.h"
 #include "doppel/core/log.h"
 #include "doppel/data/capture/filmed_sequence.h"
 #include "doppel/data/capture/find_capture.h"
@@ -117,10 +118,7 @@ class Make {
  public:
   Make(const MakeArguments& arguments, const CommonOptions& common) : arguments_(arguments), common_(common) {
     // A slash at the end would make other commands of the same steps.
-    for (fs::path* folder : {&arguments_.folder, &arguments_.out}) {
-      *folder = folder->lexically_normal();
-      if (!folder->has_filename() && folder->has_parent_path()) *folder = folder->parent_path();
-    }
+    for (fs::path* folder : {&arguments_.folder, &arguments_.out}) *folder = folder_path(*folder);
     if (fs::weakly_canonical(arguments_.folder) == fs::weakly_canonical(arguments_.out))
       fail<UsageError>("--out: {} is the folder of the footage; choose another one", arguments_.out.string());
     fs::create_directories(arguments_.out);

@@ -1,5 +1,9 @@
 #include "doppel/core/path_pattern.h"
 
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+
 #include "doppel/core/error.h"
 #include "doppel/core/text_reader.h"
 
@@ -65,6 +69,32 @@ std::string expand_camera(const std::string& pattern, int camera, const std::str
 
 bool has_frame_placeholder(const std::string& pattern) {
   return pattern.find("{frame}") != std::string::npos || pattern.find("{frame:") != std::string::npos;
+}
+
+std::vector<long> frames_of_pattern(const std::string& pattern) {
+  namespace fs = std::filesystem;
+  std::vector<long> frames;
+  const fs::path path(pattern);
+  const std::string name = path.filename().string();
+  const std::size_t open = name.find("{frame");
+  if (open == std::string::npos) {
+    for (long frame = 0; fs::is_regular_file(expand_pattern(pattern, 0, "", frame)); ++frame) frames.push_back(frame);
+    return frames;
+  }
+  const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  if (!fs::is_directory(folder)) return frames;
+  const std::string before = name.substr(0, open);
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string file = entry.path().filename().string();
+    if (file.compare(0, before.size(), before) != 0) continue;
+    std::size_t end = before.size();
+    while (end < file.size() && std::isdigit(static_cast<unsigned char>(file[end]))) ++end;
+    if (end == before.size() || end - before.size() > 18) continue;
+    const long frame = std::stol(file.substr(before.size(), end - before.size()));
+    if (expand_pattern(name, 0, "", frame) == file) frames.push_back(frame);
+  }
+  std::sort(frames.begin(), frames.end());
+  return frames;
 }
 
 }  // namespace doppel

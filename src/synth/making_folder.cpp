@@ -2,6 +2,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_path.h"
 #include "doppel/core/log.h"
 #include "doppel/core/temporary_name.h"
 
@@ -16,8 +17,7 @@ constexpr char kWorkFile[] = "work.txt";
 }  // namespace
 
 MakingFolder::MakingFolder(const fs::path& target, const std::string& work, bool force)
-    : target_(fs::absolute(target).lexically_normal()) {
-  if (!target_.has_filename()) target_ = target_.parent_path();
+    : target_(folder_path(fs::absolute(target))) {
   check_target(force);
   making_ = target_.parent_path() / ("." + target_.filename().string() + ".making");
   lock_.emplace(making_);

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
 #include <regex>
 
 #include "doppel/core/atomic_file.h"
@@ -93,6 +94,18 @@ TEST(ChartReference, LongSeriesKeepTheirExtremes) {
   // The peak touches the top of the drawing area (y = 30).
   EXPECT_TRUE(std::regex_search(svg, std::regex(",30\\.0 ")));
   EXPECT_LT(svg.size(), 12000u);
+}
+
+TEST(ChartReference, EverySeriesLooksAsItsNameInTheLegend) {
+  std::vector<ChartSeries> series;
+  for (int i = 0; i < 12; ++i) series.push_back({"camera " + std::to_string(i), {{0, i}, {1, i + 1}}});
+  const std::string svg = svg_chart("cameras", series, false);
+  EXPECT_TRUE(well_formed(svg));
+  std::map<std::string, int> looks;
+  const std::regex stroke("stroke=\"#[^>]*dasharray=\"[^\"]*\"");
+  for (std::sregex_iterator at(svg.begin(), svg.end(), stroke), end; at != end; ++at) ++looks[at->str()];
+  EXPECT_EQ(looks.size(), 12u);
+  for (const auto& [look, times] : looks) EXPECT_EQ(times, 2) << look;
 }
 
 TEST(ChartReference, SinglePointZeroAndNegativeValues) {

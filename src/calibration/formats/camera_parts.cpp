@@ -101,6 +101,7 @@ void set_distortion(Camera& camera, Lens lens, std::span<const double> coefficie
   camera.lens = lens;
   camera.distortion = {};
   std::copy_n(coefficients.begin(), count, camera.distortion.begin());
+  if (lens == Lens::polynomial && camera.distortion[5] == 0.0) camera.lens = Lens::opencv;
 }
 
 Eigen::Matrix3d rotation_from_vector(const Eigen::Vector3d& vector) {

@@ -32,9 +32,9 @@ int image_side(double pixels, const std::string& what, const FileLocation& where
 
 /// The name of a lens in our own files and in `doppel info`: "opencv", "fisheye" or "polynomial".
 const char* lens_name(Lens lens);
-/// Sets `lens` and `distortion`. @param coefficients in the order of the lens; opencv: 0, 1, 2, 4, 5, 8, 12 or 14 of
-/// them, fisheye: 4, polynomial: up to 6. Longer lists whose surplus is 0 are legal. @throws FileError for another
-/// number
+/// Sets `lens` and `distortion`. A polynomial without k4 is OpenCV's lens. @param coefficients in the order of the
+/// lens; opencv: 0, 1, 2, 4, 5, 8, 12 or 14 of them, fisheye: 4, polynomial: up to 6. Longer lists whose surplus is 0
+/// are legal. @throws FileError for another number
 void set_distortion(Camera& camera, Lens lens, std::span<const double> coefficients, const FileLocation& where);
 
 /// The rotation about `vector` by its length (Rodrigues).

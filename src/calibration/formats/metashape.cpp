@@ -152,9 +152,7 @@ class MetashapeReader {
     const double p1 = coefficient("p2"), p2 = coefficient("p1");
     if (!fisheye) {
       const double all[6] = {k[0], k[1], p1, p2, k[2], k[3]};
-      const bool has_k4 = k[3] != 0.0;
-      return set_distortion(camera, has_k4 ? Lens::polynomial : Lens::opencv, std::span(all, has_k4 ? 6 : 5),
-                            values.where());
+      return set_distortion(camera, Lens::polynomial, all, values.where());
     }
     if (p1 != 0.0 || p2 != 0.0)
       values.fail_here("a fisheye lens with p1 {} and p2 {} cannot be expressed, only 0 can be read", p2, p1);

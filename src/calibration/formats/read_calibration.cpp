@@ -12,6 +12,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/excerpt.h"
 #include "doppel/core/file_head.h"
+#include "doppel/core/folder_path.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -120,6 +121,13 @@ bool is_safe_name(const std::string& name) {
   return !parts.is_absolute() && std::none_of(parts.begin(), parts.end(), [](const fs::path& p) { return p == ".."; });
 }
 
+/// Whether several cameras have one pose, as files without poses have that must state some.
+bool have_one_pose(const std::vector<Camera>& cameras) {
+  return cameras.size() > 1 && std::all_of(cameras.begin() + 1, cameras.end(), [&](const Camera& camera) {
+           return camera.R == cameras[0].R && camera.t == cameras[0].t;
+         });
+}
+
 /// Names must be unique, because cameras are later found by name.
 void check_cameras(const std::vector<Camera>& cameras, const FileLocation& where) {
   if (cameras.empty()) fail_at(where, "this calibration holds no camera");
@@ -160,7 +168,7 @@ const CalibrationFormat& writer(const fs::path& path, const std::string& name) {
 
 /// Writes into a folder beside `given` that takes its name when it is complete.
 void write_folder(const fs::path& given, const std::vector<Camera>& cameras, const CalibrationFormat& format) {
-  const fs::path path = given.has_filename() ? given : given.parent_path();  // a slash at the end
+  const fs::path path = folder_path(given);
   if (fs::exists(path) && !(fs::is_directory(path) && fs::is_empty(path)))
     fail<UsageError>("writing {}: this exists; the format {} writes a new folder", path.string(), format.name());
   const fs::path making = path.parent_path() / fmt::format(".{}.making-{}", path.filename().string(), getpid());
@@ -222,6 +230,10 @@ Calibration load_calibration(const fs::path& path, const CalibrationOptions& opt
     Calibration calibration = format->read(source);
     calibration.format = format->name();
     check_cameras(calibration.cameras, {path.string(), 0});
+    if (calibration.has_poses && have_one_pose(calibration.cameras)) {
+      calibration.has_poses = false;
+      calibration.notes.emplace_back("all cameras have the same pose, so the file holds intrinsics without poses");
+    }
     settle_unit(calibration, options.unit);
     check_positions(calibration.cameras, {path.string(), 0});
     settle_up(calibration, options.up);

@@ -202,8 +202,7 @@ class RealityReader {
   void set_lens(Camera& camera, const std::array<double, 4>& k, double t1, double t2, const FileLocation& where) {
     tangential_ = tangential_ || t1 != 0.0 || t2 != 0.0;
     const double all[6] = {k[0], k[1], t2, t1, k[2], k[3]};
-    const bool has_k4 = k[3] != 0.0;
-    set_distortion(camera, has_k4 ? Lens::polynomial : Lens::opencv, std::span(all, has_k4 ? 6 : 5), where);
+    set_distortion(camera, Lens::polynomial, all, where);
   }
 
   void read_table() {

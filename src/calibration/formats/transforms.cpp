@@ -1,5 +1,6 @@
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -240,10 +241,9 @@ class TransformsReader {
       set_distortion(camera, Lens::fisheye, std::vector<double>{k("k1"), k("k2"), k("k3"), k("k4")}, where_);
       return;
     }
-    std::vector<double> coefficients = {k("k1"), k("k2"), k("p1"), k("p2"), k("k3")};
     // nerfstudio's k4 is the coefficient of r^8, not that of OpenCV's denominator.
-    if (k("k4") != 0) coefficients.push_back(k("k4"));
-    set_distortion(camera, k("k4") != 0 ? Lens::polynomial : Lens::opencv, coefficients, where_);
+    const std::array<double, 6> coefficients{k("k1"), k("k2"), k("p1"), k("p2"), k("k3"), k("k4")};
+    set_distortion(camera, Lens::polynomial, coefficients, where_);
   }
 
   bool is_fisheye(const TransformsJson& frame) const {

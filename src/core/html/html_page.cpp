@@ -18,7 +18,7 @@ h1{font-size:1.5rem;margin:0}h2{font-size:1.1rem;margin:2rem 0 .6rem;border-bott
 .card b{display:block;font-size:1.35rem;font-variant-numeric:tabular-nums}.card span{color:var(--soft);font-size:13px}
 .charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(460px,100%),1fr));gap:1rem}
 svg{width:100%;background:var(--card);border:1px solid var(--line);border-radius:6px}svg text{fill:var(--ink)}
-svg .title{font:600 13px system-ui}svg .tick{font:11px system-ui}svg .tick:not([fill]){fill:var(--soft)}
+svg .title{font:600 13px system-ui}svg .tick{font:11px system-ui;fill:var(--soft)}
 svg .grid{stroke:var(--line)}
 table{border-collapse:collapse;display:block;max-width:100%;overflow-x:auto;overflow-wrap:normal}
 td,th{padding:.25rem .8rem;border-bottom:1px solid var(--line);text-align:right;font-variant-numeric:tabular-nums}

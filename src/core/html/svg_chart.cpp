@@ -12,7 +12,9 @@ namespace doppel {
 namespace {
 
 constexpr double kWidth = 560, kHeight = 260, kLeft = 62, kRight = 14, kTop = 30, kBottom = 34;
+constexpr double kLine = 15;  ///< height of a line of the legend
 constexpr std::array<const char*, 6> kColours = {"#2563eb", "#dc2626", "#059669", "#d97706", "#7c3aed", "#475569"};
+constexpr std::array<const char*, 4> kDashes = {"none", "6 3", "2 3", "8 3 2 3"};  ///< a colour again has the next one
 constexpr std::size_t kMaxPoints = 400;
 
 /// Maps values to screen coordinates along one axis.
@@ -88,6 +90,38 @@ std::string grid(const Axis& x, const Axis& y) {
   return out;
 }
 
+/// How the line of a series looks.
+std::string stroke(std::size_t series) {
+  return fmt::format("stroke=\"{}\" stroke-width=\"1.5\" stroke-dasharray=\"{}\"", kColours[series % kColours.size()],
+                     kDashes[series / kColours.size() % kDashes.size()]);
+}
+
+struct Legend {
+  std::string svg;
+  double height = 0;  ///< below the title's line
+};
+
+/// The lines of several series and their names, beside the title and below it.
+Legend legend_of(const std::string& title, const std::vector<ChartSeries>& series) {
+  Legend legend;
+  if (series.size() < 2) return legend;
+  double x = kLeft + 8.0 * static_cast<double>(title.size()) + 12.0, y = 16;
+  for (std::size_t i = 0; i < series.size(); ++i) {
+    const double width = 7.0 * static_cast<double>(series[i].name.size()) + 34.0;
+    if (x > kLeft && x + width > kWidth) {
+      x = kLeft;
+      y += kLine;
+    }
+    legend.svg += fmt::format(
+        "<line x1=\"{:.1f}\" x2=\"{:.1f}\" y1=\"{}\" y2=\"{}\" {}/><text class=\"tick\" x=\"{:.1f}\" "
+        "y=\"{}\">{}</text>",
+        x, x + 16, y - 4, y - 4, stroke(i), x + 20, y, escape_html(series[i].name));
+    x += width;
+  }
+  legend.height = y - 16;
+  return legend;
+}
+
 }  // namespace
 
 std::string escape_html(const std::string& text) {
@@ -121,27 +155,21 @@ std::string svg_chart(const std::string& title, const std::vector<ChartSeries>& 
     y_low = std::log10(y_low);
     y_high = std::log10(y_high);
   }
+  const Legend legend = legend_of(title, series);
   const Axis x{x_low, x_high, kLeft, kWidth - kRight, false};
   const Axis y{y_low, y_high, kHeight - kBottom, kTop, log_axis};
 
-  std::string out =
-      fmt::format("<svg viewBox=\"0 0 {} {}\" role=\"img\"><text class=\"title\" x=\"{}\" y=\"16\">{}</text>", kWidth,
-                  kHeight, kLeft, escape_html(title));
-  out += grid(x, y);
-  double legend = kWidth - kRight;
+  std::string curves = grid(x, y);
   for (std::size_t i = series.size(); i-- > 0;) {
-    const char* colour = kColours[i % kColours.size()];
     std::string path;
     for (const auto& [px, py] : thin(series[i].points))
       path += fmt::format("{:.1f},{:.1f} ", x.pixel_of(px), y.pixel_of(py));
-    out += fmt::format("<polyline fill=\"none\" stroke=\"{}\" stroke-width=\"1.5\" points=\"{}\"/>", colour, path);
-    if (series.size() > 1) {
-      out += fmt::format("<text class=\"tick\" x=\"{:.1f}\" y=\"16\" text-anchor=\"end\" fill=\"{}\">{}</text>", legend,
-                         colour, escape_html(series[i].name));
-      legend -= 7.0 * static_cast<double>(series[i].name.size()) + 14.0;
-    }
+    curves += fmt::format("<polyline fill=\"none\" {} points=\"{}\"/>", stroke(i), path);
   }
-  return out + "</svg>";
+  return fmt::format(
+      "<svg viewBox=\"0 0 {0} {1}\" role=\"img\"><text class=\"title\" x=\"{2}\" y=\"16\">{3}</text>{4}"
+      "<g transform=\"translate(0 {5})\">{6}</g></svg>",
+      kWidth, kHeight + legend.height, kLeft, escape_html(title), legend.svg, legend.height, curves);
 }
 
 }  // namespace doppel
