@@ -1,6 +1,7 @@
 #include "doppel/actor/trained_actor.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <sstream>
 
@@ -8,6 +9,7 @@
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/stored_stage.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
 #include "doppel/core/tensor/reference_scope.h"
 #include "doppel/data/capture/capture.h"
 #include "doppel/data/dataset/loader.h"
@@ -21,13 +23,25 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// The frames per second of EGNet's training. Another capture may have another rate.
+double training_rate(const StoredStage& stage, const fs::path& run, const Capture& capture, const fs::path& folder) {
+  const double rate = stage.checkpoint.has_text("frames_per_second") ? stage.checkpoint.number("frames_per_second") : 0;
+  if (!(rate > 0.0)) return capture.fps;
+  if (std::abs(rate - capture.fps) > 1e-3 * rate)
+    log::warn(
+        "{} was trained at {:g} frames a second, and {} has {:g}: in its motion windows the networks see movements of "
+        "{:.3g} times their speed",
+        run.string(), rate, folder.string(), capture.fps, rate / capture.fps);
+  return rate;
+}
+
 void load_egnet(TrainedActor& actor, const StoredStage& stage, const fs::path& run, const fs::path& capture_path) {
   const ConfigReader root = stage.config.root();
   actor.subject = RunSubject::read(stage.config, root, "egnet");
   actor.subject.capture = fs::absolute(capture_path);
   actor.trained_on_cameras = root.section("data").list<std::string>("cameras");
   const Capture capture = read_capture(actor.subject.capture);
-  actor.frames_per_second = capture.fps;
+  actor.frames_per_second = training_rate(stage, run, capture, actor.subject.capture);
   actor.character = load_character(capture.character_path(), actor.subject.character);
   check_character(stage, actor.character, run, capture.character_path());
   actor.surface = CharacterSurface(actor.character);

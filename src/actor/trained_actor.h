@@ -42,7 +42,7 @@ namespace doppel {
 struct TrainedActor {
   RunSubject subject;  ///< `subject.capture` is the prepared capture in use
   Character character;
-  double frames_per_second = 25.0;              ///< of the capture
+  double frames_per_second = 25.0;              ///< of the training: the time between the rows of motion windows
   std::vector<std::string> trained_on_cameras;  ///< names of the cameras that EGNet was trained on; empty: all
   std::map<std::string, std::int64_t> steps;    ///< stage name -> training steps of its checkpoint; loaded stages only
 

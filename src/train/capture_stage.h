@@ -39,6 +39,7 @@ class CaptureStage : public Stage {
   void restore_data(const std::string& state) override { loader_.restore(state); }
   std::string identity() const override;
   std::vector<std::string> camera_names() const override;
+  double frames_per_second() const override { return dataset_.capture().fps; }
 
  protected:
   const Dataset& dataset() const { return dataset_; }

@@ -73,6 +73,8 @@ class Stage {
   virtual std::string identity() const = 0;
   /// The cameras of the data by their index, which checkpoints name.
   virtual std::vector<std::string> camera_names() const { return {}; }
+  /// The frames per second of the data, which checkpoints state; 0: unknown.
+  virtual double frames_per_second() const { return 0.0; }
 
   /// Whether a parameter can get a gradient in a step at or after `step`. A checkpoint holds the optimiser's moments of
   /// these parameters only. `step` counts the steps done so far; `parameter` is a name in `model`.

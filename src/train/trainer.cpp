@@ -329,6 +329,7 @@ void Trainer::save_checkpoint() {
   checkpoint.set_text("stage", stage_.name());
   checkpoint.set_text("identity", stage_.identity());
   checkpoint.set_text("cameras", fmt::format("{}", fmt::join(stage_.camera_names(), "\n")));
+  checkpoint.set_text("frames_per_second", fmt::format("{:.17g}", stage_.frames_per_second()));
   checkpoint.set_text("step", std::to_string(step_));
   checkpoint.set_text("seconds", fmt::format("{:.17g}", seconds()));
   checkpoint.set_text("loss", fmt::format("{:.17g}", last_loss_));

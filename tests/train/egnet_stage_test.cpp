@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <utility>
+
 #include "doppel/actor/trained_actor.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
@@ -102,6 +104,14 @@ TEST_F(EgNetStageRecovers, LossFallsAndTheTrainedModelLoads) {
   const auto moved = trained.coarse(window) - trained.surface->skinned_by_nodes(window.select(1, -1).contiguous());
   EXPECT_GT(moved.abs().max().item<float>(), 1e-3f);
   EXPECT_TRUE(torch::isfinite(moved).all().item<bool>());
+
+  // The rate of the motion windows is that of the training, whatever another capture has.
+  const auto faster = *folder_ / "faster";
+  std::filesystem::copy(prepared_, faster, std::filesystem::copy_options::recursive);
+  Capture capture = read_capture(faster);
+  const double rate = std::exchange(capture.fps, 2.0 * capture.fps);
+  write_capture(capture.file, capture);
+  EXPECT_EQ(TrainedActor::load(run.path(), faster).frames_per_second, rate);
 }
 
 TEST_F(EgNetStageRecovers, StoppedAnywhereEqualsAnUnbrokenRunToTheBit) {
