@@ -7,6 +7,7 @@
 #include "character_label.h"
 #include "character_report.h"
 #include "command.h"
+#include "doppel/character/character_folder.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 
@@ -49,6 +50,7 @@ Character build(const BuildOptions& options) {
   const double metres_per_unit = options.units == "m" ? 1.0 : 0.001;
   Character character;
   character.name = options.name.empty() ? fs::path(options.mesh).stem().string() : options.name;
+  check_character_name(character.name);
   character.options = character_options(options);
   character.mesh = read_obj(options.mesh, metres_per_unit);
   check_size(character.mesh, options);

@@ -21,19 +21,14 @@ struct CreateOptions {
   int vertices = 6000, nodes = 500;
 };
 
-/// Takes unit and up axis from the file where the user does not give them.
-void take_hints(const Scene& scene, OrientationOptions& orientation) {
-  if (orientation.up.empty() && scene.up) orientation.up = std::string(1, *scene.up);
-  if (orientation.unit.empty() && scene.metres_per_unit) orientation.unit = fmt::format("{}", *scene.metres_per_unit);
-}
-
 CreatedCharacter create(const CreateOptions& options, const CommonOptions& common) {
   Scene scene = read_scene(options.scan);
   for (const std::string& warning : scene.warnings) log::warn("{}: {}", options.scan, warning);
   CreateCharacterOptions creation;
   creation.orientation.unit = options.unit;
   creation.orientation.up = options.up;
-  take_hints(scene, creation.orientation);
+  if (scene.up) creation.orientation.file_up = std::string(1, *scene.up);
+  creation.orientation.file_unit = scene.metres_per_unit;
   if (!options.joints.empty()) creation.joints = options.joints;
   creation.vertices = options.vertices;
   creation.nodes = options.nodes;
@@ -62,15 +57,20 @@ nlohmann::ordered_json describe_bending(const BendReport& bending) {
 }
 
 int run_create(const CreateOptions& options, const CommonOptions& common) {
+  check_character_name(options.name);
   const FolderLock lock(options.out);
   const CreatedCharacter created = create(options, common);
   for (const std::string& note : created.notes) log::info("{}", note);
-  const std::vector<std::string> faults = created.bending.faults();
-  for (const std::string& fault : faults) log::warn("{}; see poses.jpg", fault);
+  std::vector<std::string> faults = created.doubts;
+  for (const std::string& doubt : created.doubts) log::warn("{}; see joints.jpg", doubt);
+  for (const std::string& fault : created.bending.faults()) {
+    log::warn("{}; see poses.jpg", fault);
+    faults.push_back(fault);
+  }
   const fs::path written = write_character_folder(options.out, options.name, [&](const fs::path& folder) {
     write_character(folder, created.character);
     write_joints(folder / "joints.json", created.joints);
-    if (!created.joint_sheet.empty()) write_image(folder / "joints.jpg", created.joint_sheet);
+    write_image(folder / "joints.jpg", created.joint_sheet);
     write_image(folder / "poses.jpg", created.pose_sheet);
   });
   nlohmann::ordered_json report;

@@ -79,6 +79,7 @@ void write_fitted_capture(const fs::path& out, const fs::path& character, const 
 }
 
 int run_fit(FitOptions options, const CommonOptions& common) {
+  check_character_name(options.name);
   read_config(options);
   const fs::path out = options.out;
   check_detect_out(options.capture, out);

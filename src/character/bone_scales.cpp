@@ -17,10 +17,12 @@ std::string without_side(const std::string& name) {
   std::string lower = lower_case(name);
   for (const std::string side : {"left", "right"})
     if (const auto at = lower.find(side); at != std::string::npos) return lower.erase(at, side.size());
-  for (const std::string side : {"l_", "r_", "l.", "r."})
-    if (lower.starts_with(side)) return lower.substr(side.size());
-  for (const std::string side : {"_l", "_r", ".l", ".r"})
-    if (lower.size() > side.size() && lower.ends_with(side)) return lower.substr(0, lower.size() - side.size());
+  const auto is_side = [](char letter, char separator) {
+    return (letter == 'l' || letter == 'r') && std::string("_-. ").find(separator) != std::string::npos;
+  };
+  const std::size_t size = lower.size();
+  if (size > 2 && is_side(lower[0], lower[1])) return lower.substr(2);
+  if (size > 2 && is_side(lower[size - 1], lower[size - 2])) return lower.substr(0, size - 2);
   return lower;
 }
 

@@ -11,16 +11,18 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// Removes the folder when the writing ends, in whatever way.
+/// Removes the folder when the writing ends, in whatever way; and the one around it if it was made for nothing.
 class TemporaryCharacterFolder {
  public:
-  explicit TemporaryCharacterFolder(fs::path path) : path_(std::move(path)) {
+  explicit TemporaryCharacterFolder(fs::path path)
+      : path_(std::move(path)), outer_existed_(fs::exists(path_.parent_path())) {
     fs::remove_all(path_);
     fs::create_directories(path_);
   }
   ~TemporaryCharacterFolder() {
     std::error_code none;
     fs::remove_all(path_, none);
+    if (!outer_existed_) fs::remove(path_.parent_path(), none);  // where it is empty
   }
   TemporaryCharacterFolder(const TemporaryCharacterFolder&) = delete;
   TemporaryCharacterFolder& operator=(const TemporaryCharacterFolder&) = delete;
@@ -29,6 +31,7 @@ class TemporaryCharacterFolder {
 
  private:
   fs::path path_;
+  bool outer_existed_;
 };
 
 void check_target(const fs::path& folder, const std::string& name) {
@@ -61,17 +64,20 @@ void move_files(const fs::path& from, const fs::path& to) {
 
 }  // namespace
 
+void check_character_name(const std::string& name) {
+  if (name.empty() || name.find('/') != std::string::npos || name[0] == '.')
+    fail<UsageError>("'{}' cannot be the name of a character, because files have it; use letters and digits", name);
+}
+
 fs::path write_character_folder(const fs::path& folder, const std::string& name,
                                 const std::function<void(const fs::path&)>& write) {
   check_target(folder, name);
-  fs::path target = fs::absolute(folder).lexically_normal();
-  if (target.filename().empty()) target = target.parent_path();
   try {
-    const TemporaryCharacterFolder temporary(target.parent_path() /
-                                             fmt::format(".{}.partial", target.filename().string()));
+    // In the folder itself, because files beside it may be on another disk.
+    const TemporaryCharacterFolder temporary(folder / ".partial");
     write(temporary.path());
-    check_labels(target, temporary.path());
-    move_files(temporary.path(), target);
+    check_labels(folder, temporary.path());
+    move_files(temporary.path(), folder);
   } catch (const fs::filesystem_error& error) {
     fail("the character cannot be written to {}: {}", folder.string(), error.code().message());
   }

@@ -6,7 +6,10 @@
 
 namespace doppel {
 
-/// Writes the folder of a character so that nothing is half written: `write` fills a temporary folder beside it, whose
+/// @throws UsageError for a name that the files of a character cannot have
+void check_character_name(const std::string& name);
+
+/// Writes the folder of a character so that nothing is half written: `write` fills a temporary folder in it, whose
 /// files then move into place. The `.character` file moves last, so a folder that has it is complete.
 /// @param name of the character: `write` writes `<name>.character`
 /// @return the path of the `.character` file

@@ -5,7 +5,9 @@
 #include <limits>
 #include <utility>
 
+#include "doppel/character/coarse_mesh.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
 
 namespace doppel {
 
@@ -175,6 +177,16 @@ void check_input(const TriangleMesh& mesh, const TriangleMesh& coarse, const Gra
     fail("the graph's minimum radius is {}; it must be at least 1 hop", options.minimum_radius);
 }
 
+/// The decimated template. A template of several parts, or with doubled vertices along its seams, cannot be decimated.
+TriangleMesh coarse_template(const TriangleMesh& mesh, int num_nodes) {
+  try {
+    return decimate(mesh, num_nodes);
+  } catch (const Error& error) {
+    log::info("{}; so the nodes of the graph are spread over the surface instead", error.what());
+    return coarse_mesh(mesh, num_nodes);
+  }
+}
+
 }  // namespace
 
 EmbeddedGraph build_graph(const TriangleMesh& mesh, const TriangleMesh& coarse, const GraphOptions& options) {
@@ -194,7 +206,7 @@ EmbeddedGraph build_graph(const TriangleMesh& mesh, int num_nodes, const GraphOp
     fail("cannot build a graph of {} nodes; allowed is 1 to the template's {} vertices", num_nodes,
          mesh.num_vertices());
   if (num_nodes == mesh.num_vertices()) return build_graph(mesh, mesh, options);
-  return build_graph(mesh, decimate(mesh, num_nodes), options);
+  return build_graph(mesh, coarse_template(mesh, num_nodes), options);
 }
 
 }  // namespace doppel

@@ -51,21 +51,22 @@ struct Role {
   bool sided;
 };
 
-// The order matters: a name is used once, so that `LeftShoulder` is the upper arm only where there is no `LeftArm`.
+// The order matters: a name is used once, so that `LeftShoulder` is the upper arm only where there is no `LeftArm`, and
+// `L_Foot` is a toe where there is an `L_Ankle`.
 const std::vector<Role>& roles() {
   static const std::vector<Role> all{
       {{"hips", "hip", "pelvis", "root"}, false},
-      {{"neck", "neck1", "lowerneck"}, false},
+      {{"neck", "neck1", "lowerneck", "necklower"}, false},
       {{"head"}, false},
       {{"headtopend", "headee", "headend", "headnub"}, false},
-      {{"*arm", "*upperarm", "*shldr", "*shoulder"}, true},
+      {{"*arm", "*upperarm", "*shldr", "*shldrbend", "*shoulder"}, true},
       {{"*collar", "*clavicle", "*shoulder"}, true},
-      {{"*forearm", "*lowerarm", "*elbow"}, true},
-      {{"*hand", "*wrist", "*forearmee", "*forearmend", "*elbowend"}, true},
-      {{"*upleg", "*upperleg", "*thigh", "*hip"}, true},
+      {{"*forearm", "*lowerarm", "*forearmbend", "*elbow"}, true},
+      {{"*wrist", "*hand", "*forearmee", "*forearmend", "*elbowend"}, true},
+      {{"*upleg", "*upperleg", "*thigh", "*thighbend", "*hip"}, true},
       {{"*leg", "*lowerleg", "*shin", "*calf", "*knee"}, true},
-      {{"*foot", "*ankle"}, true},
-      {{"*toebase", "*toe", "*toes", "*toe0", "*footee", "*footend", "*ankleend", "*toebaseend"}, true},
+      {{"*ankle", "*foot"}, true},
+      {{"*toebase", "*toe", "*toes", "*toe0", "*foot", "*footee", "*footend", "*ankleend", "*toebaseend"}, true},
   };
   return all;
 }

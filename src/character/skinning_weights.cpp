@@ -15,8 +15,9 @@ namespace doppel {
 namespace {
 
 constexpr char kWeightsHeader[] = "Skeletool character skinning file V1.0";
-/// Tolerance of the sum of weights around 1, and of a single weight above 1.
-constexpr double kSumTolerance = 1e-3;
+/// Tolerance of the sum of weights around 1: ten of them may be rounded to three decimals.
+constexpr double kSumTolerance = 5e-3;
+/// Tolerance of a single weight above 1.
 constexpr double kWeightSlack = 1e-6;
 
 /// One vertex line. `stripped` holds the weights without the vertex index that some files append to them.
@@ -96,7 +97,7 @@ void check_weights(const VertexLine& line, const std::vector<double>& weights) {
     if (weight < 0.0 || weight > 1.0 + kWeightSlack)
       fail_at(line.where, "a weight of vertex {} is {}; weights lie between 0 and 1", line.vertex, weight);
   if (sum_error(weights) > kSumTolerance)
-    fail_at(line.where, "the weights of vertex {} sum to {}; they must sum to 1 within {}", line.vertex,
+    fail_at(line.where, "the weights of vertex {} sum to {:.4f}; they must sum to 1 within {}", line.vertex,
             std::accumulate(weights.begin(), weights.end(), 0.0), kSumTolerance);
 }
 

@@ -86,11 +86,15 @@ TEST_F(ScaledTube, SidesShareAFactor) {
     for (Joint& joint : joints)
       if (bone_name(joint.name) == from) joint.name = to + joint.name.substr(from.size());
   };
-  rename("Seg1", "LeftArm");
-  rename("Seg2", "RightArm");
-  const BoneScales family(person);
-  ASSERT_EQ(family.num_parameters(), 2);
-  EXPECT_EQ(family.parameters()[0].name, "arm");
+  std::string left = "Seg1", right = "Seg2";
+  for (const auto& [new_left, new_right] :
+       {std::pair{"LeftArm", "RightArm"}, {"arm-l", "arm-r"}, {"L.arm", "R.arm"}, {"l-arm", "r-arm"}}) {
+    rename(std::exchange(left, new_left), new_left);
+    rename(std::exchange(right, new_right), new_right);
+    const BoneScales family(person);
+    ASSERT_EQ(family.num_parameters(), 2) << left;
+    EXPECT_EQ(family.parameters()[0].name, "arm");
+  }
 }
 
 TEST_F(ScaledTube, AnotherNumberOfFactorsIsRefused) {

@@ -278,6 +278,19 @@ TEST(JointMapReference, CommonNamesAreRecognised) {
         {"LeftArm", "lShldr"},
         {"LeftUpLeg", "lThigh"},
         {"LeftLeg", "lShin"}}},
+      // Where a skeleton has ankles and feet, or wrists and hands, the former are our feet and hands.
+      {{"Pelvis", "Neck", "Head", "L_Collar", "L_Shoulder", "L_Elbow", "L_Wrist", "L_Hand", "L_Hip", "L_Knee",
+        "L_Ankle", "L_Foot", "R_Hip", "R_Ankle", "R_Foot"},
+       {{"LeftForeArmEE", "L_Wrist"},
+        {"LeftFoot", "L_Ankle"},
+        {"LeftFootEE", "L_Foot"},
+        {"RightFoot", "R_Ankle"},
+        {"LeftArm", "L_Shoulder"}}},
+      {{"SpineBase", "Neck", "Head", "ShoulderLeft", "ElbowLeft", "WristLeft", "HandLeft", "HipLeft", "KneeLeft",
+        "AnkleLeft", "FootLeft"},
+       {{"LeftForeArmEE", "WristLeft"}, {"LeftFoot", "AnkleLeft"}, {"LeftFootEE", "FootLeft"}}},
+      {{"hip", "neckLower", "head", "lCollar", "lShldrBend", "lForearmBend", "lHand", "lThighBend", "lShin", "lFoot"},
+       {{"LeftArm", "lShldrBend"}, {"LeftForeArm", "lForearmBend"}, {"LeftUpLeg", "lThighBend"}}},
       {kActorJoints, {{"Root", "Root"}, {"LeftArm", "LeftArm"}, {"LeftForeArmEE", "LeftForeArmEE"}}}};
   for (const Convention& convention : conventions) {
     const JointMap map = guess_joint_map(kActorJoints, convention.names);

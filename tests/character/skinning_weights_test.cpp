@@ -110,6 +110,7 @@ TEST_F(SkinRejects, EachFaultWithItsLineAndReason) {
   EXPECT_THAT(refusal(kHead + "0 0 nan\n"), HasSubstr("skin:5:"));
   EXPECT_THAT(refusal(kHead + "0 0 1.5 1 -0.5\n"), HasSubstr("between 0 and 1"));
   EXPECT_THAT(refusal(kHead + "0 0 0.5 1 0.49\n"), HasSubstr("sum to 0.99"));
+  EXPECT_EQ(refusal(kHead + "0 0 0.333 1 0.665\n"), "nothing was thrown");  // rounded to three decimals
   EXPECT_THAT(refusal(kHead + "0 0 1\n0 1 1\n"), HasSubstr("second line"));
   EXPECT_THAT(refusal(kHead + "0 0 1\n2 1 1\n"), HasSubstr("vertex 1 has no line"));
   EXPECT_THAT(refusal(kHead + "0 0 1\n1 1 1\n", 3), HasSubstr("2 vertices"));

@@ -6,11 +6,12 @@
 #include <set>
 
 #include "doppel/character/blend_skin.h"
+#include "doppel/character/character_folder.h"
+#include "doppel/character/coarse_mesh.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/io/rig_import/landmarks_of_rig.h"
 #include "doppel/io/rig_import/rig_frame.h"
-#include "doppel/io/rig_import/rig_graph.h"
 #include "doppel/io/rig_import/rig_motion.h"
 #include "doppel/io/rig_import/rig_plan.h"
 #include "doppel/io/scene/scene_mesh.h"
@@ -303,9 +304,7 @@ double sampling_rate(const SceneAnimation& animation) {
 }
 
 ImportedRig import_rig(const Scene& scene, const ImportRigOptions& options) {
-  if (options.name.empty() || options.name.find('/') != std::string::npos || options.name[0] == '.')
-    fail<UsageError>("'{}' cannot be the name of a character, because files have it; use letters and digits",
-                     options.name);
+  check_character_name(options.name);
   return RigImporter(scene, options).import();
 }
 

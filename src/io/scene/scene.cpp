@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/core.hpp>
 
 #include "doppel/core/as_size.h"
 
@@ -76,6 +77,14 @@ int Scene::num_faces() const {
   int count = 0;
   for (const ScenePrimitive& primitive : primitives) count += static_cast<int>(primitive.faces.size());
   return count;
+}
+
+cv::Mat coloured_texture(const SceneMaterial& material) {
+  if (material.texture.empty() || material.colour.head<3>() == Eigen::Vector3d::Ones()) return material.texture;
+  const Eigen::Vector4d& rgb = material.colour;
+  cv::Mat result;
+  cv::multiply(material.texture, cv::Scalar(rgb[2], rgb[1], rgb[0]), result);
+  return result;
 }
 
 std::vector<Affine> node_transforms(const Scene& scene) { return world_transforms(scene.nodes); }

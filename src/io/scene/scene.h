@@ -106,6 +106,9 @@ std::vector<Eigen::Affine3d> node_transforms(const Scene& scene);
 /// @param seconds on the time axis of the file
 std::vector<Eigen::Affine3d> node_transforms(const Scene& scene, const SceneAnimation& animation, double seconds);
 
+/// The texture of a material times its colour; empty without a texture. It may share memory with the material.
+cv::Mat coloured_texture(const SceneMaterial& material);
+
 /// The vertices of one primitive in the world, by linear blend skinning or by its node, [N].
 /// @param world_from_node [nodes]
 std::vector<Eigen::Vector3d> posed_vertices(const Scene& scene, const ScenePrimitive& primitive,

@@ -234,8 +234,7 @@ cv::Mat MeshJoiner::image_of(int index, const MaterialUse& use) const {
   const SceneMaterial& from = material(index);
   const cv::Scalar colour(from.colour[2], from.colour[1], from.colour[0]);
   if (!use.textured) return cv::Mat(kPatch, kPatch, CV_8UC3, 255 * colour);
-  cv::Mat image = from.texture;
-  if (from.colour.head<3>() != Eigen::Vector3d::Ones()) cv::multiply(image, colour, image = image.clone());
+  cv::Mat image = coloured_texture(from);
   const Eigen::Vector2i tiles = use.high - use.low;
   if (tiles == Eigen::Vector2i::Ones()) return image;
   // All tiles together become no larger than the atlas may be.

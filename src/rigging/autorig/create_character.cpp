@@ -27,20 +27,34 @@ void append(std::vector<std::string>& notes, const std::vector<std::string>& mor
   notes.insert(notes.end(), more.begin(), more.end());
 }
 
-/// The joints of the file or those found in images, metres.
-BodyJoints joints_of(const TriangleMesh& mesh, const Eigen::Affine3d& file_from_character,
-                     const CreateCharacterOptions& options, CreatedCharacter& result) {
-  if (options.joints) {
-    BodyJoints joints = read_joints(*options.joints, file_from_character).joints;
-    complete_joints(joints);
-    append(result.notes, examine_joints(joints));
-    return joints;
-  }
+/// The joints of a file, which lie in the coordinates of the scan. The file's own matrix may be that of another unit
+/// or of another way up, so it does not count.
+BodyJoints given_joints(const std::filesystem::path& path, const Eigen::Affine3d& file_from_character) {
+  JointsFile file = read_joints(path, file_from_character);
+  const Eigen::Affine3d change = file_from_character.inverse() * file.file_from_character;
+  for (auto& [name, position] : file.joints.positions) position = change * position;
+  return std::move(file.joints);
+}
+
+/// What speaks against given joints: their own shape, and that they lie in no body or look to its back.
+std::vector<std::string> examine_given(const BodyJoints& joints, const SolidGrid& solid, bool faces_z) {
+  std::vector<std::string> doubts = examine_joints(joints), outside;
+  for (const std::string& name : limb_joint_names())
+    if (joints.has(name) && !solid.is_inside(joints.at(name))) outside.push_back(name);
+  if (!outside.empty())
+    doubts.push_back(fmt::format("{} of the {} joints of the limbs lie outside of the body: {}", outside.size(),
+                                 limb_joint_names().size(), fmt::join(outside, ", ")));
+  if (faces_z && pelvis_frame(joints).forward.z() < 0.0)
+    doubts.emplace_back("the person of the joints looks to where the scan has its back: left and right are swapped");
+  return doubts;
+}
+
+/// The joints found in images, metres.
+BodyJoints found_joints(const TriangleMesh& mesh, const CreateCharacterOptions& options, CreatedCharacter& result) {
   FoundJoints found = find_joints(mesh, options.points);
   result.notes.push_back(fmt::format("a person was found in {} of {} images of the scan",
                                      found.points.views_with_person(), found.points.views.size()));
-  append(result.notes, found.doubts);
-  result.joint_sheet = draw_joint_sheet(found.points.views, found.joints);
+  append(result.doubts, found.doubts);
   return found.joints;
 }
 
@@ -55,12 +69,15 @@ void refuse_several_bodies(const ScanOrientation& orientation) {
 }
 
 /// The scan as one mended mesh in the character frame. What leads there is freed again, because a scan may be large.
-TriangleMesh prepared_mesh(const ScanParts& scan, const CreateCharacterOptions& options, CreatedCharacter& result) {
+/// @param faces_z set to whether the person is known to look along +z
+TriangleMesh prepared_mesh(const ScanParts& scan, const CreateCharacterOptions& options, CreatedCharacter& result,
+                           bool& faces_z) {
   MergedScan merged = merge_parts(scan);
   append(result.notes, merged.notes);
   const ScanOrientation orientation = find_orientation(merged.mesh, options.orientation);
   append(result.notes, orientation.reasons);
   if (!options.joints) refuse_several_bodies(orientation);
+  faces_z = orientation.facing.has_value();
   result.joints.file_from_character = Eigen::Affine3d(orientation.character_from_file).inverse();
   merged.mesh = transformed(merged.mesh, orientation.character_from_file);
   RepairedMesh repaired = repair(merged.mesh);
@@ -99,15 +116,24 @@ std::vector<std::string> touching_arms(const BodyJoints& joints, const SolidGrid
 CreatedCharacter create_character(const std::string& name, const ScanParts& scan,
                                   const CreateCharacterOptions& options) {
   CreatedCharacter result;
-  TriangleMesh mesh = prepared_mesh(scan, options, result);
-  BodyJoints joints = joints_of(mesh, result.joints.file_from_character, options, result);
+  bool faces_z = false;
+  TriangleMesh mesh = prepared_mesh(scan, options, result, faces_z);
+  BodyJoints given;
+  if (options.joints) given = given_joints(*options.joints, result.joints.file_from_character);
+  BodyJoints joints = options.joints ? given : found_joints(mesh, options, result);
+  complete_joints(joints);
   VoxelSolidOptions voxels;
   voxels.cell = options.cell;
   const SolidGrid solid = solid_grid(VoxelSolid(mesh, voxels));
-  if (!options.joints) move_inside(joints, solid);
+  if (options.joints)
+    append(result.doubts, examine_given(given, solid, faces_z));
+  else
+    move_inside(joints, solid);
   append(result.notes, find_fingers(mesh, joints));
+  for (const auto& [point, position] : given.positions) joints.positions[point] = position;
   append(result.notes, touching_arms(joints, solid));
   result.joints.joints = joints;
+  result.joint_sheet = draw_joint_sheet(mesh, joints);
 
   if (options.vertices < mesh.num_vertices()) {
     SimplifyOptions simplification;

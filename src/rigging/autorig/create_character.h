@@ -27,11 +27,12 @@ struct CreateCharacterOptions {
 
 struct CreatedCharacter {
   Character character;
-  JointsFile joints;               ///< where the joints lie in the scan's file
-  cv::Mat joint_sheet;             ///< the scan from all sides with its joints, 8-bit BGR; empty with given joints
-  BendReport bending;              ///< figures of five extreme poses
-  cv::Mat pose_sheet;              ///< the character in these poses from four sides (draw_pose_sheet), 8-bit BGR
-  std::vector<std::string> notes;  ///< what was found, mended and doubted, in sentences
+  JointsFile joints;                ///< where the joints lie in the scan's file
+  cv::Mat joint_sheet;              ///< the scan from eight sides with its joints, 8-bit BGR
+  BendReport bending;               ///< figures of five extreme poses
+  cv::Mat pose_sheet;               ///< the character in these poses from four sides (draw_pose_sheet), 8-bit BGR
+  std::vector<std::string> notes;   ///< what was found and mended, in sentences
+  std::vector<std::string> doubts;  ///< what speaks against the joints, in sentences
 };
 
 /// Makes the character of a scanned person who stands upright: unit and up axis, repair, joints, template, skinning

@@ -6,6 +6,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/rigging/autorig/draw_scan.h"
 #include "doppel/rigging/autorig/joints_from_points.h"
 
 namespace doppel {
@@ -108,18 +109,18 @@ FoundJoints find_joints(const TriangleMesh& mesh, const BodyPointsOptions& optio
   return found;
 }
 
-cv::Mat draw_joint_sheet(const std::vector<ScanView>& views, const BodyJoints& joints) {
-  constexpr int kColumns = 4;
-  if (views.empty()) return {};
-  const int shown = std::min<int>(2 * kColumns, static_cast<int>(views.size()));
-  const int step = std::max(1, static_cast<int>(views.size()) / 2 / shown);
-  const cv::Size size = views[0].image.size();
-  cv::Mat sheet((shown + kColumns - 1) / kColumns * size.height, kColumns * size.width, CV_8UC3, cv::Scalar::all(0));
-  for (int i = 0; i < shown; ++i) {
-    const ScanView& view = views[std::min(as_size(i * step), views.size() - 1)];
-    cv::Mat image = view.image.clone();
-    draw_joints(image, view.camera, joints);
-    image.copyTo(sheet(cv::Rect(i % kColumns * size.width, i / kColumns * size.height, size.width, size.height)));
+cv::Mat draw_joint_sheet(const TriangleMesh& mesh, const BodyJoints& joints) {
+  constexpr int kColumns = 4, kRows = 2, kSide = 512;
+  Eigen::AlignedBox3d box;
+  for (const Vector3d& vertex : mesh.vertices) box.extend(vertex);
+  ScanPainter painter(mesh);
+  cv::Mat sheet(kRows * kSide, kColumns * kSide, CV_8UC3);
+  int i = 0;
+  for (const PinholeCamera& camera : cameras_around(box, kRows * kColumns, 0.0, 0.0, kSide)) {
+    cv::Mat image = painter.draw(camera);
+    draw_joints(image, camera, joints);
+    image.copyTo(sheet(cv::Rect(i % kColumns * kSide, i / kColumns * kSide, kSide, kSide)));
+    ++i;
   }
   return sheet;
 }

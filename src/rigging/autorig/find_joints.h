@@ -24,7 +24,8 @@ FoundJoints find_joints(const TriangleMesh& mesh, const BodyPointsOptions& optio
 /// What is wrong with the pose of a body, which prevents a rig; empty: nothing.
 std::string pose_fault(const BodyJoints& joints);
 
-/// The images of the first ring as one sheet, with joints and bones drawn on the scan. 8-bit BGR.
-cv::Mat draw_joint_sheet(const std::vector<ScanView>& views, const BodyJoints& joints);
+/// The scan from eight sides as one sheet, with joints and bones drawn on it. 8-bit BGR.
+/// @param mesh metres, in the frame of the joints
+cv::Mat draw_joint_sheet(const TriangleMesh& mesh, const BodyJoints& joints);
 
 }  // namespace doppel

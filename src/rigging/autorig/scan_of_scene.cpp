@@ -21,8 +21,9 @@ void keep_used(const std::vector<Row>& rows, std::vector<int>& index, std::vecto
 }
 
 /// The triangles of a primitive that have one material.
+/// @param textures of all materials
 ScanPart part_of(const Scene& scene, const ScenePrimitive& primitive, const std::vector<Eigen::Vector3d>& vertices,
-                 int material) {
+                 int material, const std::vector<cv::Mat>& textures) {
   ScanPart part;
   part.name = primitive.name;
   // The vertices that these triangles use, in the order of the file.
@@ -41,9 +42,8 @@ ScanPart part_of(const Scene& scene, const ScenePrimitive& primitive, const std:
       if (index[v] >= 0) part.mesh.colours.push_back(primitive.colours[v]);
   keep_used(primitive.uvs, uv_index, part.mesh.uvs, part.mesh.face_uvs);
   if (material < 0) return part;
-  const SceneMaterial& surface = scene.materials[material];
-  part.mesh.texture = surface.texture;
-  part.colour = surface.colour.head<3>();
+  part.mesh.texture = textures[material];
+  part.colour = scene.materials[material].colour.head<3>();
   return part;
 }
 
@@ -51,6 +51,8 @@ ScanPart part_of(const Scene& scene, const ScenePrimitive& primitive, const std:
 
 ScanParts scan_of_scene(const Scene& scene) {
   const std::vector<Eigen::Affine3d> world_from_node = node_transforms(scene);
+  std::vector<cv::Mat> textures;  // parts of one material share its image
+  for (const SceneMaterial& material : scene.materials) textures.push_back(coloured_texture(material));
   ScanParts scan;
   for (const ScenePrimitive& primitive : scene.primitives) {
     const std::vector<Eigen::Vector3d> vertices = posed_vertices(scene, primitive, world_from_node);
@@ -58,7 +60,7 @@ ScanParts scan_of_scene(const Scene& scene) {
     if (materials.empty()) materials = {primitive.material};
     std::sort(materials.begin(), materials.end());
     materials.erase(std::unique(materials.begin(), materials.end()), materials.end());
-    for (const int material : materials) scan.parts.push_back(part_of(scene, primitive, vertices, material));
+    for (const int material : materials) scan.parts.push_back(part_of(scene, primitive, vertices, material, textures));
   }
   return scan;
 }

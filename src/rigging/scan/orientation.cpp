@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "doppel/core/angles.h"
 #include "doppel/core/error.h"
 #include "doppel/geometry/decompositions.h"
 #include "doppel/rigging/scan/body_shape.h"
@@ -33,8 +34,11 @@ constexpr const char* kUnitNames = "m, cm, mm, dm, inch, foot, or a number of me
 constexpr double kMinHeight = 0.5, kMaxHeight = 2.8;            // metres; with raised arms
 constexpr double kMinGivenHeight = 0.2, kMaxGivenHeight = 4.0;  // if the user names the unit
 constexpr double kSure = 0.9;
-constexpr double kFlat = 1e-3;      // thickness over length; a person has 0.1
-constexpr double kFloorOdds = 6.0;  // logarithm of odds that a floor is below
+constexpr double kUpsideDown = -3.0;             // logarithm of odds that a way up is right
+constexpr double kClearAxis = 0.5, kLies = 0.5;  // elongation of a body, and cosine between its axis and up
+constexpr double kLeans = 0.26;                  // radians: 15 degrees
+constexpr double kFlat = 1e-3;                   // thickness over length; a person has 0.1
+constexpr double kFloorOdds = 6.0;               // logarithm of odds that a floor is below
 constexpr std::array<const char*, 6> kAxisNames{"+x", "-x", "+y", "-y", "+z", "-z"};
 
 /// How usual a height is, up to a factor: adults, then children, then anybody, then raised arms.
@@ -96,10 +100,10 @@ class OrientationFinder {
 
   ScanOrientation run() {
     measure_axes();
-    if (options_.up.empty())
-      find_up();
-    else
+    if (!options_.up.empty())
       take_up();
+    else if (options_.file_up.empty() || !take_file_up())
+      find_up();
     find_shape();
     find_unit();
     find_way();
@@ -152,13 +156,28 @@ class OrientationFinder {
       out_.reasons.push_back("The shape hardly tells what is up; look at the image, or give --up.");
   }
 
+  /// @return whether the shape does not speak against what the file says
+  bool take_file_up() {
+    up_ = parse_up(options_.file_up);
+    const bool lies = elongation_ > kClearAxis && std::abs(longest_.dot(up())) < kLies;
+    if (lies || up_cues(body_, up_).score() < kUpsideDown) {
+      out_.reasons.push_back(fmt::format("The file says that {} is up, which the shape contradicts: {}.",
+                                         kAxisNames[up_],
+                                         lies ? "the person would lie" : "the person would be upside down"));
+      return false;
+    }
+    out_.up = kAxisNames[up_];
+    out_.reasons.push_back(fmt::format("Up: {}, as the file says.", out_.up));
+    return true;
+  }
+
   void take_up() {
     up_ = parse_up(options_.up);
     out_.up = kAxisNames[up_];
     out_.up_confidence = 1.0;
     out_.reasons.push_back(fmt::format("Up: {}, as given.", out_.up));
     const double odds = up_cues(body_, up_).score();
-    if (odds < -3.0)
+    if (odds < kUpsideDown)
       out_.reasons.push_back(fmt::format("The shape looks upside down; if it is, give --up {}.", kAxisNames[up_ ^ 1]));
   }
 
@@ -184,11 +203,17 @@ class OrientationFinder {
     out_.shape.width = extent(right);
     out_.shape.thickness = extent(front);
     if (!facing_ && out_.shape.thickness > out_.shape.width) std::swap(out_.shape.width, out_.shape.thickness);
+    if (elongation_ > kClearAxis && out_.shape.lean > kLeans)
+      out_.reasons.push_back(fmt::format(
+          "The body leans by {:.0f} degrees. If the person stood upright, turn the scan; the character keeps "
+          "the scan's vertical.",
+          out_.shape.lean / kRadiansPerDegree));
   }
 
   void find_unit() {
     const double height = file_height();
     if (!options_.unit.empty()) return take_unit(height);
+    if (options_.file_unit && take_file_unit(height)) return;
     const LengthUnit* best = nullptr;
     const LengthUnit* second = nullptr;
     double worth = 0.0, second_worth = 0.0, total = 0.0;
@@ -224,6 +249,20 @@ class OrientationFinder {
           "The scan is exactly {:.0f} units high, so it may have been scaled to this size; then give --unit with the "
           "metres of one unit.",
           height));
+  }
+
+  /// @return whether the unit of the file gives the height of a person
+  bool take_file_unit(double height) {
+    const double metres = height * *options_.file_unit;
+    if (metres < kMinHeight || metres > kMaxHeight) {
+      out_.reasons.push_back(fmt::format("The file says that its unit is {:g} m; the person would be {:.4g} m high.",
+                                         *options_.file_unit, metres));
+      return false;
+    }
+    set_unit({"", *options_.file_unit, 1.0}, height);
+    out_.reasons.push_back(
+        fmt::format("Unit: {}, as the file says; the person is {:.2f} m high.", out_.unit, out_.height));
+    return true;
   }
 
   void take_unit(double height) {

@@ -14,6 +14,10 @@ struct OrientationOptions {
   /// "m", "cm", "mm", "dm", "inch", "foot", or metres per unit as a number; empty: found by the height of a person
   std::string unit;
   std::string up;  ///< "x", "+x", "-x", "y", ... ; empty: found by the shape
+  /// What the scan's file says, metres and an axis. The shape of the person may speak against it: files of some formats
+  /// always say something.
+  std::optional<double> file_unit;
+  std::string file_up;
   /// Whether the character frame is turned about the vertical so that the person faces +z (where the facing is known).
   bool face_z = true;
 };

@@ -157,6 +157,32 @@ TEST(Orientation, WhatIsGivenIsTaken) {
   EXPECT_THAT(found.reasons, Contains(HasSubstr("upside down; if it is, give --up +y")));
 }
 
+TEST(Orientation, WhatTheFileSaysIsTakenUnlessTheShapeContradictsIt) {
+  const TriangleMesh body = make_figure(poses()[0].left, poses()[0].right);
+  OrientationOptions options;
+  options.file_up = "y";
+  options.file_unit = 0.9;
+  ScanOrientation found = find_orientation(body, options);
+  EXPECT_EQ(found.up, "+y");
+  EXPECT_NEAR(found.height, 0.9 * kHeight, 0.02);
+  options.file_up = "z";
+  options.file_unit = 0.01;
+  found = find_orientation(body, options);
+  EXPECT_EQ(found.up, "+y");
+  EXPECT_EQ(found.unit, "m");
+  EXPECT_THAT(found.reasons, Contains(HasSubstr("the person would lie")));
+  EXPECT_THAT(found.reasons, Contains(HasSubstr("the person would be 0.0")));
+  options.file_up = "-y";
+  EXPECT_EQ(find_orientation(body, options).up, "+y");
+}
+
+TEST(Orientation, ALeaningBodyIsNoted) {
+  TriangleMesh body = make_figure(poses()[0].left, poses()[0].right);
+  EXPECT_THAT(find_orientation(body).reasons, ::testing::Not(Contains(HasSubstr("leans"))));
+  for (Vector3d& vertex : body.vertices) vertex = Eigen::AngleAxisd(0.5, Vector3d::UnitX()) * vertex;
+  EXPECT_THAT(find_orientation(body).reasons, Contains(HasSubstr("leans by")));
+}
+
 TEST(Orientation, TwoPeopleAreNoticed) {
   const TriangleMesh one = make_figure(poses()[0].left, poses()[0].right);
   TriangleMesh two = one, other = one;

@@ -1,4 +1,4 @@
-#include "doppel/io/rig_import/rig_graph.h"
+#include "doppel/character/coarse_mesh.h"
 
 #include <algorithm>
 #include <array>
