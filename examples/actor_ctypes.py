@@ -25,9 +25,10 @@ def main() -> None:
         sys.exit(library.doppel_last_error().decode())
     num_dofs, num_vertices = library.doppel_actor_num_dofs(actor), library.doppel_actor_num_vertices(actor)
     with open(sys.argv[3]) as motion, open(sys.argv[4], "wb") as out:
-        next(motion)  # the name of the format
+        sign = -1 if "V0.1" in next(motion) else 1  # the old format has angles of the opposite sign
         for row in filter(str.strip, motion):
             pose = [float(number) for number in row.split()[1:]]
+            pose[3:] = [sign * angle for angle in pose[3:]]
             if library.doppel_actor_push_pose(actor, (ctypes.c_float * num_dofs)(*pose), len(pose)) != 0:
                 sys.exit(library.doppel_last_error().decode())
             out.write(ctypes.string_at(library.doppel_actor_vertices(actor), 12 * num_vertices))

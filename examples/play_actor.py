@@ -58,6 +58,9 @@ def main():
     about = json.loads(extra["metadata.json"])
 
     dofs = torch.from_numpy(np.loadtxt(motion_path, skiprows=1, ndmin=2)[:, 1:].astype(np.float32))
+    with open(motion_path) as motion:
+        if "V0.1" in motion.readline():  # the old format has angles of the opposite sign
+            dofs[:, 3:] *= -1
     frames = torch.arange(len(dofs))[:, None] + torch.arange(about["window"]) - (about["window"] - 1)
     windows = dofs[frames.clamp(min=0)]  # oldest first; the first frame repeats where history is missing
 

@@ -108,8 +108,14 @@ void export_actor(const ExportArguments& arguments, const std::optional<std::fil
                   const CommonOptions& common) {
   if (arguments.pose_only)
     fail<UsageError>("--pose-only: {} has no DefNet to leave out; the option is for runs of deepcap", arguments.run);
-  TrainedActor trained = TrainedActor::load(arguments.run, capture);
   const std::filesystem::path out = out_path(arguments, "actor." + extension_of(arguments.format));
+  const bool weights_alone = arguments.format == "safetensors";
+  if (weights_alone && out.extension() == ".json")
+    fail<UsageError>(
+        "--out: {} is where the description of the weights is written; name another extension, such as "
+        ".safetensors",
+        out.string());
+  TrainedActor trained = TrainedActor::load(arguments.run, capture);
   if (arguments.geometry_only) {
     trained.texnet = nullptr;
     trained.gaussians = nullptr;
@@ -119,7 +125,6 @@ void export_actor(const ExportArguments& arguments, const std::optional<std::fil
   const Quantization quantization(arguments, modules, [&] {
     return actor_samples_of(trained.subject.open_dataset(), functions, trained.past_frames());
   });
-  const bool weights_alone = arguments.format == "safetensors";
   if (weights_alone)
     write_actor_weights(out, trained.character, describe(trained), modules, quantization.weights);
   else if (arguments.format == "onnx")
@@ -151,7 +156,14 @@ void export_page(const ExportArguments& arguments, const CommonOptions& common) 
   options.motion = arguments.motion;
   options.capture = arguments.capture;
   options.geometry_only = arguments.geometry_only;
+  if (arguments.pose_only)
+    fail<UsageError>("--pose-only: a page has no PoseNet; the option is for runs of deepcap in other formats");
+  if (arguments.out.empty() && !std::filesystem::is_directory(arguments.run))
+    fail<UsageError>("--out: {} is no folder that could hold the page; name one", arguments.run);
   const ViewSubject subject = open_view_subject(arguments.run, options);
+  if (subject.sequence) fail<UsageError>("--format web: {} has no character, and a page shows one", arguments.run);
+  if (arguments.geometry_only && subject.networks.empty())
+    fail<UsageError>("--geometry-only: {} has no network to leave out; the option is for runs of ddc", arguments.run);
   const std::filesystem::path out = out_path(arguments, "web");
   if (arguments.quantize > 0 && subject.networks.empty())
     fail<UsageError>("--quantize: the page of {} has no networks; the option is for runs of egnet and ddc",

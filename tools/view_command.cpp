@@ -13,7 +13,7 @@ namespace doppel::tools {
 namespace {
 
 struct ViewArguments {
-  std::string target, motion, character;
+  std::string target, motion, character, capture;
   int port = 0;
   bool no_open = false;
 };
@@ -32,6 +32,7 @@ int run(const ViewArguments& arguments, const CommonOptions& common) {
   ViewOptions options;
   options.motion = arguments.motion;
   options.character = arguments.character;
+  options.capture = arguments.capture;
   ViewServer server(open_view_subject(arguments.target, options), arguments.port);
   announce(server.url(), arguments, common);
   std::thread serving([&] { server.serve(); });
@@ -55,6 +56,7 @@ Command add_view(CLI::App& program) {
   app->add_option("--motion", arguments->motion,
                   "The motion to play, as for `doppel animate` (default: that of the capture)");
   app->add_option("--character", arguments->character, "The character of an exported actor");
+  app->add_option("--capture", arguments->capture, "The prepared capture of a run, if it was moved");
   app->add_option("--port", arguments->port, "Port on 127.0.0.1; 0: any free one")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();

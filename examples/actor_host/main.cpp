@@ -16,7 +16,8 @@ namespace {
 torch::Tensor read_motion(const char* path) {
   std::ifstream motion(path);
   std::string line;
-  std::getline(motion, line);  // "Skeletool Motion File V1.0"
+  std::getline(motion, line);  // "Skeletool Motion File V1.0"; V0.1 has angles of the opposite sign
+  const bool negated = line.find("V0.1") != std::string::npos;
   std::vector<torch::Tensor> frames;
   while (std::getline(motion, line)) {
     std::istringstream row(line);
@@ -25,7 +26,9 @@ torch::Tensor read_motion(const char* path) {
       frames.push_back(torch::tensor(std::vector<float>(numbers.begin() + 1, numbers.end())));
   }
   if (frames.empty()) throw std::runtime_error("no frames in the motion");
-  return torch::stack(frames);
+  torch::Tensor motion_rows = torch::stack(frames);
+  if (negated) motion_rows.slice(1, 3).neg_();
+  return motion_rows;
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 static double now(void) {
@@ -15,12 +16,22 @@ static double now(void) {
   return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
+/* Reads the first line, the name of the format. @return the sign of angles, which is another in the old format */
+static float read_header(FILE* motion) {
+  char line[64] = "";
+  if (!fgets(line, sizeof(line), motion)) return 1;
+  return strstr(line, "V0.1") ? -1.0f : 1.0f;
+}
+
 /* Reads the next row: the frame's number and `count` DoFs. 1: read, 0: the file has ended. */
-static int read_pose(FILE* motion, float* dofs, int count) {
+static int read_pose(FILE* motion, float* dofs, int count, float sign) {
   float id;
   if (fscanf(motion, "%f", &id) != 1) return 0;
-  for (int i = 0; i < count; ++i)
+  for (int i = 0; i < count; ++i) {
     if (fscanf(motion, "%f", &dofs[i]) != 1) return 0;
+    if (i >= 3) dofs[i] *= sign;
+  }
+  for (int c = fgetc(motion); c != '\n' && c != EOF;) c = fgetc(motion); /* columns of another program */
   return 1;
 }
 
@@ -70,11 +81,10 @@ int main(int argc, char** argv) {
   float* dofs = malloc(sizeof(float) * (size_t)num_dofs);
   FILE *motion = fopen(argv[2], "r"), *out = fopen(argv[3], "wb");
   if (!dofs || !motion || !out) return fprintf(stderr, "cannot open the motion or the output\n"), 1;
-  int c;
-  while ((c = fgetc(motion)) != '\n' && c != EOF) continue; /* the first line is the name of the format */
+  const float sign = read_header(motion);
   int frames = 0;
   double seconds = 0;
-  while (read_pose(motion, dofs, num_dofs)) {
+  while (read_pose(motion, dofs, num_dofs, sign)) {
     const double begin = now();
     if (doppel_actor_push_pose(actor, dofs, num_dofs) != 0) return fprintf(stderr, "%s\n", doppel_last_error()), 1;
     const float* vertices = doppel_actor_vertices(actor);

@@ -41,12 +41,14 @@ nlohmann::json description(const ViewSubject& subject, const Motion& motion) {
                       {"texture_size", stage.texture_size},
                       {"gaussians", stage.num_gaussians},
                       {"geometry", stage.geometry.empty() ? stage.name : stage.geometry}});
+  const bool own = motion.frames == subject.motion.frames;
   return {{"name", subject.character.name},
           {"vertices", subject.character.num_vertices()},
           {"frames", motion.num_frames()},
           {"frames_per_second", subject.frames_per_second},
           {"textured", !subject.character.mesh.texture.empty()},
-          {"cameras", subject.cameras && motion.frames == subject.motion.frames},
+          {"cuts", own ? subject.cuts : std::vector<long>()},
+          {"cameras", own && subject.cameras},
           {"training", !subject.run.empty()},
           {"rest", subject.character.rest_dofs},
           {"dofs", dof_entries(subject.character.skeleton)},
@@ -91,10 +93,13 @@ std::string jpeg(const cv::Mat& image) {
 
 }  // namespace
 
-ViewFiles view_files(const ViewSubject& subject, const Motion& motion) {
+ViewFiles view_files(const ViewSubject& subject, const Motion& motion, int number) {
   nlohmann::json about = description(subject, motion);
+  about["motion"] = number;
   if (subject.sequence) about = with_sequence(std::move(about), *subject.sequence);
-  return {about.dump(), view_mesh_bytes(split_at_seams(subject.character.mesh)), motion_bytes(motion),
+  // Names of other files may be in any encoding.
+  return {about.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace),
+          view_mesh_bytes(split_at_seams(subject.character.mesh)), motion_bytes(motion),
           jpeg(subject.character.mesh.texture), subject.sequence ? point_bytes(subject.sequence->points) : ""};
 }
 

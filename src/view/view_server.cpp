@@ -8,6 +8,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
+#include <deque>
 #include <filesystem>
 #include <fstream>
 #include <mutex>
@@ -32,6 +33,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kMaxRequestBytes = 1 << 20, kMaxMotionBytes = 64 << 20;
+constexpr std::size_t kMaxMotions = 4;  ///< of visitors, that are kept
 constexpr std::chrono::milliseconds kLivePatience = kLiveBreak;
 constexpr const char* kTokenHeader = "Doppel-Token";
 // Scripts, images and data from this server alone. The page sets styles of its own elements.
@@ -125,15 +127,21 @@ torch::Tensor live_window(const std::vector<std::vector<float>>& rows, int past_
 }  // namespace
 
 struct ViewServer::State {
-  /// What is played, and the files that say so. A visitor's motion replaces it.
+  /// A motion that is played, and the files that say so.
   struct Shown {
+    int number = 0;  ///< 0: the subject's own motion
     Motion motion;
+    std::vector<long> cuts;
     ViewFiles files;
   };
+  using ShownPointer = std::shared_ptr<const Shown>;
 
   ViewSubject subject;
   Kinematics kinematics{nullptr};  ///< none without a character
-  std::atomic<std::shared_ptr<const Shown>> shown;
+  ShownPointer own;
+  std::mutex motions;                    ///< guards `of_visitors` and `num_taken`
+  std::deque<ShownPointer> of_visitors;  ///< the newest last
+  int num_taken = 0;
   std::string token = random_token();
   ViewConnections server;
   LivePoses live;
@@ -142,10 +150,28 @@ struct ViewServer::State {
 
   explicit State(ViewSubject given) : subject(std::move(given)), live(longest_window(subject.stages)) {
     if (!subject.sequence) kinematics = Kinematics(subject.character);
-    show(subject.motion);
+    own = std::make_shared<const Shown>(Shown{0, subject.motion, subject.cuts, view_files(subject, subject.motion)});
   }
 
-  void show(const Motion& motion) { shown = std::make_shared<const Shown>(Shown{motion, view_files(subject, motion)}); }
+  /// Each page plays its own motion, of which it names the number; without one, the newest motion is meant.
+  ShownPointer shown_of(const httplib::Request& request) {
+    const std::lock_guard lock(motions);
+    if (!request.has_param("motion")) return of_visitors.empty() ? own : of_visitors.back();
+    const int number = parameter<int>(request, "motion");
+    if (number == 0) return own;
+    for (const ShownPointer& shown : of_visitors)
+      if (shown->number == number) return shown;
+    fail<UsageError>("motion {} is no longer kept, because others were opened; open its file again", number);
+  }
+
+  ShownPointer keep(Motion motion) {
+    const std::lock_guard lock(motions);
+    const int number = ++num_taken;
+    ViewFiles files = view_files(subject, motion, number);
+    of_visitors.push_back(std::make_shared<const Shown>(Shown{number, std::move(motion), {}, std::move(files)}));
+    if (of_visitors.size() > kMaxMotions) of_visitors.pop_front();
+    return of_visitors.back();
+  }
 
   /// The character, for requests that need one.
   const Character& character() const {
@@ -179,10 +205,10 @@ struct ViewServer::State {
   std::string frame(const httplib::Request& request) {
     const ViewStage& stage = stage_of(request);
     const int i = parameter<int>(request, "i");
-    const std::shared_ptr<const Shown> now = shown;
-    if (i < 0 || i >= now->motion.num_frames())
-      fail<UsageError>("the motion has the frames 0..{}", now->motion.num_frames() - 1);
-    return geometry(stage, request, motion_window(now->motion, i, stage.past_frames));
+    const ShownPointer shown = shown_of(request);
+    if (i < 0 || i >= shown->motion.num_frames())
+      fail<UsageError>("the motion has the frames 0..{}", shown->motion.num_frames() - 1);
+    return geometry(stage, request, motion_window(shown->motion, i, stage.past_frames, shown->cuts));
   }
 
   /// @return [1,D]
@@ -247,13 +273,13 @@ struct ViewServer::State {
     const fs::path file = folder.path() / ("motion" + safe_extension(name));
     std::ofstream(file, std::ios::binary) << request.body;
     try {
-      const Motion motion = motion_for(subject, file);
+      Motion motion = motion_for(subject, file);
       if (motion.num_frames() == 0) fail("it has no frame");
-      show(motion);
+      const ShownPointer shown = keep(std::move(motion));
+      return nlohmann::json{{"frames", shown->motion.num_frames()}, {"motion", shown->number}}.dump();
     } catch (const std::exception& e) {
       fail<UsageError>("{} is not played: {}", name, e.what());
     }
-    return nlohmann::json{{"frames", shown.load()->motion.num_frames()}}.dump();
   }
 
   /// Whether the browser says that a page of another site or port has sent the request. It may link to the address.
@@ -275,7 +301,9 @@ struct ViewServer::State {
   /// Why a request is refused; empty: it is not. A page of another site that resolves its name to the loopback
   /// interface has another host.
   std::string refusal(const httplib::Request& request) const {
-    const std::string host = request.get_header_value("Host"), colon = ":" + std::to_string(port);
+    // Clients leave out the port that is usual for HTTP.
+    std::string host = request.get_header_value("Host"), colon = ":" + std::to_string(port);
+    if (port == 80 && !host.ends_with(colon)) host += colon;
     if (host != "127.0.0.1" + colon && host != "localhost" + colon)
       return "This server is for 127.0.0.1 alone; open the address that `doppel view` prints.";
     if (is_foreign(request))
@@ -306,10 +334,14 @@ struct ViewServer::State {
       return;
     }
     server.Post(path, [handler, largest](const httplib::Request& request, httplib::Response& response) {
-      if (request.body.size() > largest)
+      if (request.body.size() > largest) {
         response.status = 413;
-      else
+        response.set_content(
+            fmt::format("{} bytes are too many; at most {} are taken here", request.body.size(), largest),
+            "text/plain");
+      } else {
         handler(request, response);
+      }
     });
   }
 
@@ -337,12 +369,12 @@ struct ViewServer::State {
   void add_interface() {
     const auto file = [this](const char* path, std::string ViewFiles::*bytes, const char* type) {
       answer(
-          path, false, [this, bytes](const auto&) { return shown.load()->files.*bytes; }, type);
+          path, false, [this, bytes](const auto& request) { return shown_of(request)->files.*bytes; }, type);
     };
     file("/double/description.json", &ViewFiles::description, "application/json");
     file("/double/mesh.bin", &ViewFiles::mesh, "application/octet-stream");
     file("/double/motion.bin", &ViewFiles::motion, "application/octet-stream");
-    if (!shown.load()->files.texture.empty()) file("/double/texture.jpg", &ViewFiles::texture, "image/jpeg");
+    if (!own->files.texture.empty()) file("/double/texture.jpg", &ViewFiles::texture, "image/jpeg");
     if (subject.sequence) file("/double/points.bin", &ViewFiles::points, "application/octet-stream");
     answer("/api/frame", false, [this](const httplib::Request& request) { return frame(request); });
     answer("/api/pose", true, [this](const httplib::Request& request) { return pose(request); });

@@ -15,14 +15,16 @@ namespace doppel {
 /// connections there may be and how long they may wait.
 ///
 /// - `GET /`: the page
-/// - `GET /double/description.json`, `mesh.bin`, `motion.bin`, `texture.jpg`, `points.bin`: see view_files.h
-/// - `GET /api/frame?i=0&stage=skinning`: float32 vertices [N,3], then joints [J,3], world metres. For a stage with a
-///   dynamic texture, `&projection=` gives the camera, twelve numbers [3,4] (pixels from world metres), and the texture
-///   follows: uint8 RGBA [T,T,4], row 0 at v = 1. For a stage with Gaussians, the same, and float32 rows [P,14] follow
-///   (splat_rows.h)
+/// - `GET /double/description.json`, `mesh.bin`, `motion.bin`, `texture.jpg`, `points.bin`: see view_files.h. With
+///   `?motion=N`, those of motion N (0: the subject's own), else of the newest
+/// - `GET /api/frame?i=0&stage=skinning`: a frame of the newest motion, or of `&motion=N`: float32 vertices [N,3], then
+///   joints [J,3], world metres. For a stage with a dynamic texture, `&projection=` gives the camera, twelve numbers
+///   [3,4] (pixels from world metres), and the texture follows: uint8 RGBA [T,T,4], row 0 at v = 1. For a stage with
+///   Gaussians, the same, and float32 rows [P,14] follow (splat_rows.h)
 /// - `POST /api/pose?stage=skinning` with float32 [D]: the same for a pose that stands still
-/// - `POST /api/motion?name=walk.bvh` with the bytes of a motion file: the motion is played from now on (motion_for);
-///   JSON with `frames`, or 400 and what is wrong with the file
+/// - `POST /api/motion?name=walk.bvh` with the bytes of a motion file: the newest motion from now on (motion_for); JSON
+///   with `frames` and `motion`, its number, or 400 and what is wrong with the file. Of visitors' motions, the last
+///   four are kept, so that each page can play its own
 /// - `GET /api/cameras`: the cameras of the capture, JSON (ViewCameras::description); 400 without cameras
 /// - `GET /api/picture?camera=0&frame=0&mask=0`: a JPEG of what the camera filmed (ViewCameras::image)
 /// - `GET /api/training`: the curves and images of the run so far, JSON (view_training.h); 400 for other targets

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "doppel/actor/export/actor_file.h"
+#include "doppel/actor/export/animation.h"
 #include "doppel/actor/run_folder.h"
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/trained_actor.h"
@@ -84,6 +85,7 @@ void take_motion(ViewSubject& subject, const Dataset& dataset) {
   subject.frames_per_second = dataset.fps();
   if (const auto* chosen = sequence_to_play(dataset.sequences(), [](const auto& s) { return s.has_motion(); })) {
     subject.motion = chosen->motion;
+    subject.cuts = chosen->cuts;
     subject.cameras = cameras_of(dataset.capture(), chosen->name);
   }
 }
@@ -141,11 +143,7 @@ ViewSubject of_actor_file(const fs::path& path, const fs::path& character) {
   ViewSubject subject = of_character(character);
   const auto file = std::make_shared<ActorFile>(ActorFile::load(path));
   const ActorDescription& d = file->description();
-  if (static_cast<int>(d.dof_names.size()) != subject.character.num_dofs() ||
-      d.num_vertices != subject.character.num_vertices())
-    fail<UsageError>("viewing {}: the actor has {} DoFs and {} vertices, the character {} has {} and {}", path.string(),
-                     d.dof_names.size(), d.num_vertices, character.string(), subject.character.num_dofs(),
-                     subject.character.num_vertices());
+  check_belongs_together(subject.character, *file);
   subject.frames_per_second = d.frames_per_second;
   subject.stages.push_back({"actor", d.past_frames, [file](const torch::Tensor& w) { return file->forward(w); }});
   const ViewStage geometry = subject.stages.back();
@@ -162,16 +160,20 @@ ViewSubject of_actor_file(const fs::path& path, const fs::path& character) {
   return subject;
 }
 
-/// A capture before its character is made.
-ViewSubject of_filmed_sequence(const Capture& capture) {
+/// A sequence of which there are images; null without.
+const SequenceEntry* filmed_sequence(const Capture& capture) {
   const CaptureCameras cameras = choose_cameras(capture);
-  const auto filmed = [&](const SequenceEntry& sequence) {
+  return sequence_to_play(capture.sequences, [&](const SequenceEntry& sequence) {
     if (sequence.videos.empty()) return false;
     for (std::size_t c = 0; c < cameras.cameras.size(); ++c)
       if (has_images(capture, sequence, cameras.cameras[c], cameras.file_index[c])) return true;
     return false;
-  };
-  const SequenceEntry* chosen = sequence_to_play(capture.sequences, filmed);
+  });
+}
+
+/// A capture before its character is made.
+ViewSubject of_filmed_sequence(const Capture& capture) {
+  const SequenceEntry* chosen = filmed_sequence(capture);
   if (!chosen)
     fail("viewing {}: there is neither a character nor a video of any camera; add one of them to {}", capture.name,
          capture.file.empty() ? "its capture.yaml" : capture.file.string());
@@ -182,6 +184,17 @@ ViewSubject of_filmed_sequence(const Capture& capture) {
   return subject;
 }
 
+/// The cameras of a capture whose motion is not known; null where it has no images, or its calibration cannot be read.
+std::shared_ptr<ViewCameras> cameras_beside_rest_pose(const Capture& capture) {
+  try {
+    const SequenceEntry* filmed = filmed_sequence(capture);
+    return filmed ? cameras_of(capture, filmed->name) : nullptr;
+  } catch (const Error& e) {
+    log::warn("the cameras are not shown: {}", e.what());
+    return nullptr;
+  }
+}
+
 ViewSubject of_capture(const Capture& capture, const ViewOptions& options) {
   // With a motion, a capture without a character gets the message of `character_path`.
   if (capture.character.empty() && options.motion.empty()) return of_filmed_sequence(capture);
@@ -189,7 +202,10 @@ ViewSubject of_capture(const Capture& capture, const ViewOptions& options) {
   subject.frames_per_second = capture.fps;
   if (const auto* chosen = sequence_to_play(capture.sequences, [](const auto& s) { return !s.motion.empty(); })) {
     subject.motion = read_motion(capture.resolve(chosen->motion), subject.character.num_dofs());
+    subject.cuts = chosen->cuts;
     subject.cameras = cameras_of(capture, chosen->name);
+  } else {
+    subject.cameras = cameras_beside_rest_pose(capture);
   }
   return subject;
 }
@@ -198,10 +214,16 @@ bool is_prepared(const fs::path& folder) { return fs::exists(folder / "store"); 
 
 ViewSubject open_target(const fs::path& target, const ViewOptions& options) {
   const std::string extension = target.extension().string();
+  if (!options.character.empty() && extension != ".pt")
+    fail<UsageError>("viewing {}: --character names the character of an exported actor (.pt); other targets have one",
+                     target.string());
+  const bool is_run = fs::exists(target / "config.yaml") && !is_prepared(target);
+  if (!options.capture.empty() && !is_run)
+    fail<UsageError>("viewing {}: --capture is for runs, whose prepared capture was moved", target.string());
   if (extension == ".character") return of_character(target);
   if (extension == ".pt") return of_actor_file(target, options.character);
   if (is_prepared(target)) return of_prepared(target);
-  if (fs::exists(target / "config.yaml")) {
+  if (is_run) {
     ViewSubject subject = of_run(target, options);
     subject.run = target;
     return subject;
@@ -219,6 +241,7 @@ ViewSubject open_view_subject(const fs::path& target, const ViewOptions& options
   ViewSubject subject = open_target(target, options);
   if (!options.motion.empty()) {
     subject.motion = motion_for(subject, options.motion);
+    subject.cuts.clear();
     subject.cameras = nullptr;
   }
   if (subject.motion.num_frames() == 0 && !subject.sequence) subject.motion = {{subject.character.rest_dofs}, {0}};

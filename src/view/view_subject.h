@@ -36,6 +36,7 @@ struct ViewStage {
 struct ViewSubject {
   Character character;                   ///< empty with `sequence`
   Motion motion;                         ///< at least one frame; none with `sequence`
+  std::vector<long> cuts;                ///< rows of `motion` that begin a new segment, ascending
   std::optional<ViewSequence> sequence;  ///< shown instead of a character; `cameras` filmed it, and there is no stage
   double frames_per_second = 25.0;
   std::vector<ViewStage> stages;  ///< the best last
@@ -56,8 +57,9 @@ struct ViewOptions {
 /// character and its capture are shown), an exported actor (`.pt`, with
 /// options.character), a `.character` file, a capture (a `capture.yaml`, its folder, or a folder that
 /// recognise_capture knows) or a prepared capture. Of a capture without a character, a sequence with videos is shown.
-/// @throws UsageError for another target, and for an actor file without a character; Error for a capture that has
-/// neither a character nor videos, and for options.motion without a character; Error as the readers
+/// @throws UsageError for another target, for an actor file without a character, and for options that the target does
+/// not have; Error for a capture that has neither a character nor videos, and for options.motion without a character;
+/// Error as the readers
 ViewSubject open_view_subject(const std::filesystem::path& target, const ViewOptions& options = {});
 
 /// A motion for the subject's character at its frame rate, from every kind of file that `doppel animate --motion`

@@ -10,6 +10,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/fetch/package_files.h"
+#include "doppel/core/folder_path.h"
 #include "doppel/core/scratch_folder.h"
 #include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/kinematics/kinematics.h"
@@ -120,8 +121,7 @@ bool holds_a_page_alone(const fs::path& folder) {
 }  // namespace
 
 void write_web_folder(const fs::path& folder, const ViewSubject& subject, const QuantizedWeights& quantized) {
-  fs::path target = fs::absolute(folder).lexically_normal();
-  if (!target.has_filename()) target = target.parent_path();  // "page/"
+  const fs::path target = folder_path(fs::absolute(folder));
   if (fs::exists(target) && !(fs::is_directory(target) && (fs::is_empty(target) || holds_a_page_alone(target))))
     fail<UsageError>("exporting a page: {} exists and holds other files than a page's; name another folder",
                      folder.string());

@@ -283,6 +283,26 @@ TEST_F(ViewServerTest, PlaysAMotionOfTheVisitor) {
   ASSERT_EQ(rows->body.size(), 3 * 4 * character.rest_dofs.size());
   EXPECT_EQ(status(with_token("/api/frame?i=2&stage=skinning")), 200);
   EXPECT_EQ(status(with_token("/api/frame?i=3&stage=skinning")), 400);
+  // A page that has opened none goes on with the motion of the subject, and the last four stay.
+  const auto own = client().Get(with_token("/double/description.json?motion=0"));
+  EXPECT_EQ(nlohmann::json::parse(own->body)["frames"], 1);
+  EXPECT_EQ(client().Get(with_token("/double/motion.bin?motion=0"))->body.size(), 4 * character.rest_dofs.size());
+  EXPECT_EQ(status(with_token("/api/frame?i=2&stage=skinning&motion=0")), 400);
+  for (int more = 2; more <= 5; ++more) {
+    EXPECT_EQ(status(with_token("/api/frame?i=2&stage=skinning&motion=1")), 200) << more;
+    const auto taken = client().Post(with_token("/api/motion?name=walk.motion"), bytes, "application/octet-stream");
+    EXPECT_EQ(nlohmann::json::parse(taken->body)["motion"], more);
+  }
+  EXPECT_EQ(status(with_token("/api/frame?i=2&stage=skinning&motion=1")), 400);
+  EXPECT_EQ(status(with_token("/api/frame?i=2&stage=skinning&motion=5")), 200);
+}
+
+TEST_F(ViewServerTest, TakesWhatCurlCallsAForm) {
+  std::string poses;
+  while (poses.size() < 20000) poses += pose_bytes();
+  const auto answer = client().Post(with_token("/api/joints"), poses, "application/x-www-form-urlencoded");
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 200) << answer->body;
 }
 
 TEST_F(ViewServerTest, KeepsItsMotionWhenTheFileIsWrong) {

@@ -1,6 +1,6 @@
 // The cameras of a capture: small frusta in the scene, and the picture of one of them behind the double.
 import {
-  BufferGeometry, DoubleSide, Float32BufferAttribute, ImageBitmapLoader, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial,
+  BufferGeometry, DoubleSide, Float32BufferAttribute, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial,
   SRGBColorSpace, Texture, Vector3,
 } from 'three';
 
@@ -41,9 +41,8 @@ export class Cameras {
     scene.add(this.lines, this.sheet);
   }
 
-  // Shows a picture, an address, behind the point `target`.
-  async project(index, address, target) {
-    const image = await new ImageBitmapLoader().loadAsync(address);
+  // Shows a picture, an ImageBitmap, behind the point `target`.
+  project(index, image, target) {
     const camera = this.cameras[index], axis = camera.R[2];
     const depth = axis[0] * target.x + axis[1] * target.y + axis[2] * target.z + camera.t[2];
     const position = this.sheet.geometry.getAttribute('position');

@@ -12,7 +12,7 @@ export async function followLive(ask, show, wanted, failed) {
   for (;;) {
     try {
       const latest = wanted() && !document.hidden ? await ask(number) : null;
-      if (latest) {
+      if (latest && wanted()) {
         const now = performance.now() / 1000;
         number = latest.number;
         arrivals = [...arrivals.filter(({ when }) => now - when < kSeconds), { when: now, number }];

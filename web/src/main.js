@@ -31,9 +31,10 @@ function app(source) {
   const stagesInView = () => (state.beside ? about.stages : [state.stage]);
 
   async function drawDouble() {
-    const { frame, edited } = state, chosen = state.stage, projection = picture.projection();
+    const { frame, edited } = state, chosen = state.stage, stages = stagesInView();
     const surfaces = [];
-    for (const stage of stagesInView()) {
+    for (const [k, stage] of stages.entries()) {
+      const projection = picture.projection(picture.asideOf(k, stages.indexOf(chosen)));
       const geometry = edited ? await source.pose(edited, stage, projection) : await source.frame(frame, stage, projection);
       surfaces.push({ stage, ...geometry });
     }
@@ -164,6 +165,8 @@ function app(source) {
       ? `${latest.tracked ? 'live' : 'the person is lost'}, ${latest.rate.toFixed(1)} poses a second` : 'no poses come';
     if (!latest) return;
     element('mirror').hidden = false;
+    picture.hidePicture();  // of a frame of the motion
+    state.beside = element('beside').checked = false;
     Object.assign(state, { playing: false, edited: latest.dofs, geometry: latest.geometry });
     picture.show([{ stage: latest.stage, ...latest.geometry }], latest.stage, latest.geometry.joints);
     showNumbers();
@@ -189,7 +192,10 @@ function app(source) {
       goTo(0);
     }
   });
-  element('open').addEventListener('change', (event) => { if (event.target.files[0]) take(event.target.files[0]); });
+  element('open').addEventListener('change', ({ target }) => {
+    if (target.files[0]) take(target.files[0]);
+    target.value = '';  // so that the same file can be opened again
+  });
   window.addEventListener('dragover', (event) => event.preventDefault());
   window.addEventListener('drop', (event) => { event.preventDefault(); if (event.dataTransfer.files[0]) take(event.dataTransfer.files[0]); });
 
@@ -199,10 +205,11 @@ function app(source) {
       ' ': () => play(!state.playing), ArrowLeft: () => goTo(state.frame - 1), ArrowRight: () => goTo(state.frame + 1),
       r: () => edit(Float32Array.from(about.rest)), c: () => lookThrough(picture.through + 1 < cameras.length ? picture.through + 1 : -1), h: () => element('panel').classList.toggle('hidden'),
     };
-    if (!actions[event.key] || event.ctrlKey || event.metaKey) return;
+    const action = actions[event.key] ?? actions[event.key.toLowerCase()];
+    if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.target.matches('input[type=range]') && event.key.startsWith('Arrow')) return;
     event.preventDefault();
-    actions[event.key]();
+    action();
   });
 
   requestAnimationFrame(function tick(now) {

@@ -30,8 +30,8 @@ export async function folderNetworks(about, dofsOf) {
   return {
     joints,
     frame: (i, stage, projection) => {
-      const rows = [];
-      for (let back = stage.past_frames; back >= 0; --back) rows.push(dofsOf(Math.max(0, i - back)));
+      const rows = [], first = about.cuts.findLast((cut) => cut <= i) ?? 0;  // no window reaches before a cut
+      for (let back = stage.past_frames; back >= 0; --back) rows.push(dofsOf(Math.max(first, i - back)));
       return geometry(rows, stage, projection);
     },
     pose: (dofs, stage, projection) => geometry(Array(stage.past_frames + 1).fill(dofs), stage, projection),

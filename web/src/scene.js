@@ -102,13 +102,20 @@ export class Picture {
     this.redraw();
   }
 
-  // The picture of the camera that the page looks through. @param address of the picture
-  async project(address) {
+  // The picture of the camera that the page looks through. @param loading resolves to it
+  async project(loading) {
     const index = this.through;
-    await this.cameras.project(index, address, this.anchor());
-    if (this.through !== index) this.cameras.hide();
+    try {
+      const image = await loading;
+      if (this.through === index) this.cameras.project(index, image, this.anchor());
+    } catch (error) {
+      this.hidePicture();  // it shows another frame
+      throw error;
+    }
     this.redraw();
   }
+
+  hidePicture() { this.cameras.hide(); this.redraw(); }
 
   hideCameras() {
     if (this.through >= 0) this.lookThrough(-1);
@@ -147,7 +154,7 @@ export class Picture {
       body.show(surface);
       body.mesh.visible = true;
       if (!this.gap) this.gap = 1.1 * widthOf(body.box());
-      body.mesh.position.set((k - middle) * this.gap, 0, 0);
+      body.mesh.position.set(this.asideOf(k, middle), 0, 0);
     });
     this.joints = joints;
     const at = new Matrix4();
@@ -164,26 +171,33 @@ export class Picture {
     this.redraw();
   }
 
-  // Points the camera at all bodies in view, or at the person's points and all cameras of the capture.
+  // Points the camera at all bodies in view, or at the person's points and all cameras of the capture. While the page
+  // looks through a camera of the capture, the visitor's own camera is moved, to which the page returns.
   frameAll() {
     const box = new Box3();
     if (this.figure) box.setFromPoints([...this.figure.found, ...this.source.cameras.cameras.map(centreOf)]);
     for (const body of this.bodies.values()) if (body.mesh.visible) box.union(body.box().clone().translate(body.mesh.position));
     const centre = box.getCenter(new Vector3()), size = box.getSize(new Vector3());
-    const wide = size.x / (2 * this.camera.aspect * Math.tan((this.camera.fov * Math.PI) / 360));
+    const fov = this.through < 0 ? this.camera.fov : this.free.fov;
+    const wide = size.x / (2 * this.camera.aspect * Math.tan((fov * Math.PI) / 360));
     const distance = Math.max(1.6 * size.y, 1.1 * wide + size.z / 2);
     this.grid.position.y = this.figure ? Math.min(0, ...this.figure.found.map(({ y }) => y)) : box.min.y;
     this.controls.target.copy(centre);
-    this.camera.position.copy(centre).add(new Vector3(0.5 * size.y, 0.15 * size.y, distance));
-    this.controls.update();
+    const position = this.through < 0 ? this.camera.position : this.free.position;
+    position.copy(centre).add(new Vector3(0.5 * size.y, 0.15 * size.y, distance));
+    if (this.through < 0) this.controls.update();
   }
 
-  // Pixels from world metres, row by row [3,4].
-  projection() {
+  // Metres along x from its place to where body `k` stands, if body `chosen` stands at its place.
+  asideOf(k, chosen) { return (k - chosen) * this.gap; }
+
+  // Pixels from world metres, row by row [3,4]. @param aside metres along x that what is seen stands beside its place
+  projection(aside = 0) {
     this.camera.updateMatrixWorld();
     const { clientWidth: width, clientHeight: height } = this.renderer.domElement, view = this.camera.matrixWorldInverse.elements;
     const focal = height / 2 / Math.tan((this.camera.fov * Math.PI) / 360), rows = [0, 1, 2].map((r) => [0, 1, 2, 3].map(
       (c) => (r ? -1 : 1) * view[4 * c + r]));  // x right, y down, z forward
+    for (const row of rows) row[3] += aside * row[0];
     return [rows[0].map((x, c) => focal * x + (width / 2) * rows[2][c]), rows[1].map((y, c) => focal * y + (height / 2) * rows[2][c]),
       rows[2]].flat();
   }

@@ -30,7 +30,7 @@ function serverNetworks(about) {
     };
   };
   return {
-    frame: async (i, stage, projection) => split(await bytesOf(address('api/frame', stage, projection, { i })), stage),
+    frame: async (i, stage, projection) => split(await bytesOf(address('api/frame', stage, projection, { i, motion: about.motion })), stage),
     pose: async (dofs, stage, projection) => split(await bytesOf(address('api/pose', stage, projection), dofs), stage),
     // Waits for a pose that is tracked now and comes after pose number `after`; null: there was none
     live: async (after, stage, projection) => {
@@ -52,23 +52,25 @@ export async function open() {
     source: new Uint32Array(bytes, 8 + 4 * corners, split),
     uvs: new Float32Array(bytes, 8 + 4 * (corners + split), 2 * split),
   };
-  let motion = new Float32Array(await bytesOf('double/motion.bin'));
-  const dofsOf = (frame) => motion.slice(frame * about.dofs.length, (frame + 1) * about.dofs.length);
   const in_folder = document.body.dataset.source === 'folder';
+  const motionRows = async (number) => new Float32Array(await bytesOf(in_folder ? 'double/motion.bin' : `double/motion.bin?motion=${number}`));
+  let motion = await motionRows(about.motion);
+  const dofsOf = (frame) => motion.slice(frame * about.dofs.length, (frame + 1) * about.dofs.length);
   const networks = in_folder ? await folderNetworks(about, dofsOf) : serverNetworks(about);
   // Plays a motion file from now on.
   async function play(file) {
     if (in_folder) throw new Error('This page has no server, so it reads images only; `doppel view` plays motions.');
-    const { frames } = await (await fetched(`api/motion?${new URLSearchParams({ name: file.name })}`, file)).json();
-    motion = new Float32Array(await bytesOf('double/motion.bin'));
-    about.frames = frames;
-    about.cameras = false;  // they filmed another motion
+    const taken = await (await fetched(`api/motion?${new URLSearchParams({ name: file.name })}`, file)).json();
+    motion = await motionRows(taken.motion);
+    Object.assign(about, taken, { cuts: [], cameras: false });  // the cameras filmed another motion
   }
   // A sequence without a character: the points of a frame [3K].
   const all_points = about.points ? new Float32Array(await bytesOf('double/points.bin')) : null;
   const points = all_points && ((frame) => all_points.subarray(3 * frame * about.points.length, 3 * (frame + 1) * about.points.length));
   const cameras = about.cameras && !in_folder ? await (await fetched('api/cameras')).json() : { cameras: [], masks: false };
-  const picture = (camera, frame, mask) => imageAddress('api/picture', { camera, frame, mask: Number(mask) });
+  const picture = async (camera, frame, mask) => createImageBitmap(
+    await (await fetched(`api/picture?${new URLSearchParams({ camera, frame, mask: Number(mask) })}`)).blob(),
+    { premultiplyAlpha: 'none', colorSpaceConversion: 'none' });
   const training = about.training && !in_folder ? async () => (await fetched('api/training')).json() : null;
   const trainingImage = (query) => imageAddress('api/training_image', query);
   const texture = about.textured ? imageAddress('double/texture.jpg') : null;

@@ -22,7 +22,8 @@ function chart(points) {
   return svg;
 }
 
-function stageEntry(stage, s, addressOf) {
+// @param enlarged names of images that a click has enlarged
+function stageEntry(stage, s, addressOf, enlarged) {
   const entry = element('article', '', element('h3', `${stage.name}: step ${stage.steps}, ${Math.round(stage.seconds)} s`));
   for (const [name, points] of Object.entries(stage.curves))
     entry.append(element('p', `${name} ${points.at(-1)[1].toPrecision(4)}`), chart(points));
@@ -30,7 +31,9 @@ function stageEntry(stage, s, addressOf) {
     const image = document.createElement('img');
     image.src = addressOf({ stage: s, image: i, written });
     image.alt = caption;
-    image.addEventListener('click', () => image.classList.toggle('large'));
+    const name = `${stage.name} ${caption}`;
+    image.classList.toggle('large', enlarged.has(name));
+    image.addEventListener('click', () => { if (image.classList.toggle('large')) enlarged.add(name); else enlarged.delete(name); });
     entry.append(image, element('p', caption));
   });
   return entry;
@@ -40,12 +43,13 @@ function stageEntry(stage, s, addressOf) {
 // @param addressOf the address of an image, given stage, image and when it was written  @param failed takes errors
 export async function followTraining(ask, addressOf, place, failed) {
   let shown = '';
+  const enlarged = new Set();
   for (;;) {
     try {
       const state = document.hidden ? null : await ask(), text = JSON.stringify(state);
       if (state && text !== shown) {
         shown = text;
-        place.replaceChildren(...state.stages.map((stage, s) => stageEntry(stage, s, addressOf)));
+        place.replaceChildren(...state.stages.map((stage, s) => stageEntry(stage, s, addressOf, enlarged)));
         if (!state.stages.length) place.textContent = 'No step was logged yet.';
       }
     } catch (error) { failed(error); }

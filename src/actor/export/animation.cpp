@@ -25,18 +25,6 @@ void check_belongs_together(const Character& character, const Motion& motion) {
     fail("animating {}: its skeleton has {} DoFs, the motion {}", character.name, character.num_dofs(), dofs);
 }
 
-void check_belongs_together(const Character& character, const Motion& motion, const ActorFile& actor) {
-  check_belongs_together(character, motion);
-  const int dofs = character.num_dofs();
-  const ActorDescription& d = actor.description();
-  if (static_cast<int>(d.dof_names.size()) != dofs || d.num_vertices != character.num_vertices())
-    fail("animating {} ({} DoFs, {} vertices): the actor file is of '{}' with {} DoFs and {} vertices", character.name,
-         dofs, character.num_vertices(), d.name, d.dof_names.size(), d.num_vertices);
-  if (d.fingerprint != character.fingerprint())
-    log::warn("the actor file was made from another version of the character (fingerprint {} there, {} here)",
-              d.fingerprint, character.fingerprint());
-}
-
 /// @param vertices float32 [frames, N, 3], contiguous
 std::span<const float> frame_of(const torch::Tensor& vertices, int frame) {
   const auto size = vertices.size(1) * vertices.size(2);
@@ -134,18 +122,32 @@ torch::Tensor tensor_of(const PosedFrame& frame) {
                           {1, static_cast<std::int64_t>(frame.vertices.size() / 3), 3});
 }
 
-torch::Tensor motion_window(const Motion& motion, int frame, int past_frames) {
+void check_belongs_together(const Character& character, const ActorFile& actor) {
+  const int dofs = character.num_dofs();
+  const ActorDescription& d = actor.description();
+  if (static_cast<int>(d.dof_names.size()) != dofs || d.num_vertices != character.num_vertices())
+    fail<UsageError>("animating {} ({} DoFs, {} vertices): the actor file is of '{}' with {} DoFs and {} vertices",
+                     character.name, dofs, character.num_vertices(), d.name, d.dof_names.size(), d.num_vertices);
+  if (d.fingerprint != character.fingerprint())
+    log::warn("the actor file was made from another version of the character (fingerprint {} there, {} here)",
+              d.fingerprint, character.fingerprint());
+}
+
+torch::Tensor motion_window(const Motion& motion, int frame, int past_frames, std::span<const long> cuts) {
+  const auto after = std::upper_bound(cuts.begin(), cuts.end(), static_cast<long>(frame));
+  const int first = after == cuts.begin() ? 0 : static_cast<int>(*std::prev(after));
   const auto dofs = static_cast<std::int64_t>(motion.frames.at(as_size(frame)).size());
   torch::Tensor rows = torch::empty({past_frames + 1, dofs});
   float* out = rows.data_ptr<float>();
-  for (int i = past_frames; i >= 0; --i) out = append_row(motion.frames[std::max(0, frame - i)], out);
+  for (int i = past_frames; i >= 0; --i) out = append_row(motion.frames[std::max(first, frame - i)], out);
   return rows;
 }
 
 void animate(const Character& character, std::span<const MotionPart> parts, const ActorFile* actor,
              const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile) {
   if (actor) {
-    for (const MotionPart& part : parts) check_belongs_together(character, part.motion, *actor);
+    for (const MotionPart& part : parts) check_belongs_together(character, part.motion);
+    check_belongs_together(character, *actor);
     const auto geometry = [actor](const torch::Tensor& dofs) { return actor->forward(dofs); };
     return animate(character, parts, actor->description().past_frames, geometry, writers, profile);
   }

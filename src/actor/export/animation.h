@@ -53,10 +53,14 @@ struct MotionPart {
   bool in_place = false;
 };
 
-/// The motion window of a frame: rows [frame - F, frame] of a motion, oldest first. The first row is repeated where
-/// earlier rows are missing.
-/// @param past_frames F @return [F+1, D] float32
-torch::Tensor motion_window(const Motion& motion, int frame, int past_frames);
+/// Warns when an actor was exported with another version of the character.
+/// @throws UsageError when the numbers of DoFs or vertices differ
+void check_belongs_together(const Character& character, const ActorFile& actor);
+
+/// The motion window of a frame: rows [frame - F, frame] of a motion, oldest first. The first row of the segment is
+/// repeated where earlier rows are missing.
+/// @param past_frames F @param cuts rows that begin a new segment, ascending @return [F+1, D] float32
+torch::Tensor motion_window(const Motion& motion, int frame, int past_frames, std::span<const long> cuts = {});
 
 /// Poses every frame of an animation by a function of motion windows of F + 1 poses, passes it to each of `writers`,
 /// then closes the writers. Poses between frames of `motion` are those of dofs_at. The first frame is that of `motion`;

@@ -446,6 +446,11 @@ TEST(AnimationReference, TheFirstFrameRepeatsBeforeTheStart) {
   const torch::Tensor window = motion_window(motion, 1, 2);
   EXPECT_TRUE(torch::equal(window[0], window[1]));
   EXPECT_FLOAT_EQ(window[2][2].item<float>(), static_cast<float>(motion.frames[1][2]));
+  const std::vector<long> cuts{2, 4};
+  const torch::Tensor after = motion_window(motion, 3, 2, cuts);
+  EXPECT_TRUE(torch::equal(after[0], after[1]));
+  EXPECT_FLOAT_EQ(after[0][2].item<float>(), static_cast<float>(motion.frames[2][2]));
+  EXPECT_TRUE(torch::equal(motion_window(motion, 4, 1, cuts)[0], motion_window(motion, 4, 0)[0]));
 }
 
 TEST(AnimationReference, WindowsHoldPosesAtTheRateOfTheTraining) {
