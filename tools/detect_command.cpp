@@ -405,11 +405,13 @@ Command add_detect(CLI::App& program) {
   app->add_option("source", arguments->source,
                   "Video file, folder of images, capture folder or capture.yaml (required)");
   app->add_option("--out", arguments->out, "Folder to write into")->required();
-  app->add_option("--model", arguments->model,
-                  "Network: larger ones are slower and more accurate (default: heavy for a capture of several cameras, "
-                  "full otherwise)")
-      ->check(CLI::IsMember({"lite", "full", "heavy"}));
-  app->add_flag_function(
+  CLI::Option* model =
+      app->add_option(
+             "--model", arguments->model,
+             "Network: larger ones are slower and more accurate (default: heavy for a capture of several cameras, "
+             "full otherwise)")
+          ->check(CLI::IsMember({"lite", "full", "heavy"}));
+  CLI::Option* mirror = app->add_flag_function(
       "--mirror,!--no-mirror", [arguments](std::int64_t count) { arguments->mirror = count > 0; },
       "Read each image in a mirror too and take the mean: more accurate, twice the time (default: for a capture of "
       "several cameras without --model)");
@@ -417,8 +419,9 @@ Command add_detect(CLI::App& program) {
       "--hands,!--no-hands", [arguments](std::int64_t count) { arguments->hands = count > 0; },
       "Also find 21 points of each hand (default: for a capture of several cameras without --model)");
   app->add_flag("--face,!--no-face", arguments->face, "Also find hands and 468 points of the face (default: no)");
-  app->add_flag("--masks", arguments->masks, "Also write masks: 255 on the person, 0 elsewhere");
-  app->add_flag("--raw-masks", arguments->raw_masks, "With --masks: the network's probability of the person times 255");
+  CLI::Option* masks = app->add_flag("--masks", arguments->masks, "Also write masks: 255 on the person, 0 elsewhere");
+  app->add_flag("--raw-masks", arguments->raw_masks, "With --masks: the network's probability of the person times 255")
+      ->needs(masks);
   app->add_flag("--keep-keypoints", arguments->keep_keypoints,
                 "The capture that is written keeps the keypoints that the capture has");
   app->add_option(
@@ -426,7 +429,9 @@ Command add_detect(CLI::App& program) {
          "Of several people, follow the one whose hips are nearest to this pixel: X Y in the first frame of one "
          "camera; CAMERA X Y in a capture; or X Y Z, a position in the world, metres")
       ->expected(2, 3);
-  app->add_option("--network", arguments->network, "A network of your own (.onnx) instead of BlazePose");
+  app->add_option("--network", arguments->network, "A network of your own (.onnx) instead of BlazePose")
+      ->excludes(model)
+      ->excludes(mirror);
   app->add_option("--config", arguments->config,
                   "Its input and outputs: rtmpose, hrnet, vitpose or a YAML file (docs/detect.md)");
   app->add_option(

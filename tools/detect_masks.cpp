@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
+#include <set>
 
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/data/capture/capture_cameras.h"
 #include "doppel/geometry/image_file.h"
 
 namespace doppel::tools {
@@ -25,18 +27,11 @@ cv::Mat read_mask(const fs::path& file) {
 /// The masks of one row of the motion, and where they came from.
 class Moment {
  public:
-  void add(const DetectSource& source, const fs::path& folder, long frame) {
-    const fs::path file = mask_file(folder, frame);
+  /// @param camera for images of the mask's size
+  void add(const fs::path& file, const Camera& camera) {
     masks_.push_back(read_mask(file));
-    const cv::Mat& mask = masks_.back();
     files_.push_back(file);
-    Camera camera = *source.calibration;
-    const bool sized = camera.width > 0 && camera.height > 0;
-    if (!sized) {
-      camera.width = mask.cols;
-      camera.height = mask.rows;
-    }
-    cameras_.push_back(camera.scaled_to(mask.cols, mask.rows));
+    cameras_.push_back(camera);
   }
 
   /// Writes the masks that change.
@@ -52,6 +47,39 @@ class Moment {
   std::vector<cv::Mat> masks_;
   std::vector<Camera> cameras_;
   std::vector<fs::path> files_;
+};
+
+/// The masks of one camera: where they lie, and which of them were compared.
+class CameraMasks {
+ public:
+  CameraMasks(const DetectSource& source, fs::path folder) : source_(source), folder_(std::move(folder)) {
+    const cv::Mat mask = read_mask(mask_file(folder_, source.frames.front()));
+    camera_ = fit_to_images(*source.calibration, mask.size(), source.images);
+  }
+
+  /// Adds the mask of a row of the motion, if the camera filmed it.
+  void add_row(long row, Moment& moment) {
+    const long frame = source_.clock.frame(row);
+    if (frame < source_.frames.front() || frame > source_.frames.back()) return;
+    compared_.insert(frame);
+    moment.add(mask_file(folder_, frame), camera_);
+  }
+
+  /// Of frames between the rows nothing else is known: what may be the person becomes background.
+  void settle_others() const {
+    for (const long frame : source_.frames) {
+      if (compared_.contains(frame)) continue;
+      Moment alone;
+      alone.add(mask_file(folder_, frame), camera_);
+      alone.settle();
+    }
+  }
+
+ private:
+  const DetectSource& source_;
+  fs::path folder_;
+  Camera camera_;
+  std::set<long> compared_;
 };
 
 using Sequences = std::map<std::string, std::vector<const DetectSource*>>;
@@ -111,19 +139,18 @@ SettledPixels compare_masks(std::span<const DetectSource> sources, std::span<con
                             const std::function<bool()>& go_on) {
   SettledPixels changes;
   for (const auto& [name, cameras] : compared_sequences(sources)) {
+    std::vector<CameraMasks> masks;
+    for (const DetectSource* camera : cameras) masks.emplace_back(*camera, folders[camera - sources.data()]);
     const auto [first, last] = rows_of(cameras);
     for (long row = first; row <= last; ++row) {
       if (!go_on()) return changes;
       Moment moment;
-      for (const DetectSource* camera : cameras) {
-        const long frame = camera->clock.frame(row);
-        if (frame >= camera->frames.front() && frame <= camera->frames.back())
-          moment.add(*camera, folders[camera - sources.data()], frame);
-      }
+      for (CameraMasks& camera : masks) camera.add_row(row, moment);
       const auto [removed, added] = moment.settle();
       changes.removed += removed;
       changes.added += added;
     }
+    for (const CameraMasks& camera : masks) camera.settle_others();
   }
   return changes;
 }

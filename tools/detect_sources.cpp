@@ -51,11 +51,15 @@ DetectSource source_of_images(const fs::path& folder, const std::vector<std::str
     source.frames.push_back(std::stol(parts.digits));
   }
   std::sort(source.frames.begin(), source.frames.end());
-  // Numbers of equal length may begin with zeros.
-  const bool padded = std::all_of(names.begin(), names.end(), [&](const std::string& name) {
-    return frame_name(name).digits.size() == first.digits.size();
-  });
-  const std::string number = padded ? fmt::format("{{frame:0{}}}", first.digits.size()) : "{frame}";
+  // Numbers begin with zeros up to the shortest length: 07, 99, 100.
+  const std::size_t length =
+      std::accumulate(names.begin(), names.end(), first.digits.size(),
+                      [](auto least, const auto& name) { return std::min(least, frame_name(name).digits.size()); });
+  for (const std::string& name : names)
+    if (const std::string digits = frame_name(name).digits; digits.size() > length && digits[0] == '0')
+      fail<UsageError>("{}: the numbers of the images must begin with zeros up to one length; that of {} does not",
+                       folder.string(), name);
+  const std::string number = length > 1 ? fmt::format("{{frame:0{}}}", length) : "{frame}";
   source.images = (folder / (first.before + number + first.extension)).string();
   return source;
 }

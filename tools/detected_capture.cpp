@@ -52,6 +52,20 @@ bool is_of(const Capture& capture, const Capture& detected) {
                     });
 }
 
+/// Whether a source of footage has changed after a time: a file, the images of a folder, or those of a pattern.
+bool is_newer(const std::string& source, fs::file_time_type time) {
+  std::vector<fs::path> files;
+  if (has_frame_placeholder(source)) {
+    for (const long frame : frames_of_pattern(source)) files.emplace_back(expand_pattern(source, 0, "", frame));
+  } else if (fs::is_directory(source)) {
+    for (const auto& entry : fs::directory_iterator(source)) files.push_back(entry.path());
+  } else if (fs::exists(source)) {
+    files.emplace_back(source);
+  }
+  return std::any_of(files.begin(), files.end(),
+                     [&](const fs::path& file) { return fs::last_write_time(file) > time; });
+}
+
 /// Whether earlier results fit: they are of this capture, newer than it and its videos, and have the masks that are
 /// needed.
 bool is_current(const Capture& capture, const fs::path& results, bool masks) {
@@ -62,7 +76,7 @@ bool is_current(const Capture& capture, const fs::path& results, bool masks) {
   for (const SequenceEntry& sequence : capture.sequences)
     for (std::size_t c = 0; c < filmed.cameras.size(); ++c) {
       const std::string video = capture.source(sequence.videos, filmed.file_index[c], filmed.cameras[c].name);
-      if (!has_frame_placeholder(video) && fs::exists(video) && fs::last_write_time(video) > made) return false;
+      if (is_newer(video, made)) return false;
     }
   return !masks || !needs_masks(read_capture(results));
 }
@@ -95,19 +109,29 @@ void write_detected_capture(const fs::path& source, const fs::path& out, const J
   const std::optional<CaptureGuess> recognised = recognise_capture(source);
   if (!recognised) return;
   Capture capture = recognised->capture;
+  const bool keep = keep_keypoints && capture.has_keypoints(), same_layout = capture.keypoint_map == report["layout"];
   bool found_points = false;
   for (SequenceEntry& sequence : capture.sequences) {
     const std::string keypoints = pattern_of(report, sequence.name, "keypoints", capture);
     const std::string joints = pattern_of(report, sequence.name, "joints3d", capture);
     const std::string masks = pattern_of(report, sequence.name, "masks", capture);
-    const bool kept = keep_keypoints && capture.has_keypoints();
+    const bool has_own = !sequence.keypoints.empty() || capture.detector;
+    const bool kept = keep && (has_own || !same_layout);
+    if (kept && !has_own)
+      log::warn(
+          "sequence {} has no keypoints and gets none: those that were found have the points of {}, those of the "
+          "other sequences that are kept have others",
+          sequence.name, report["layout"].get<std::string>());
     if (!keypoints.empty() && !kept) {
       sequence.keypoints = keypoints;
       sequence.keypoint_offset.clear();  // of the files before
     }
     found_points = found_points || (!keypoints.empty() && !kept);
     if (!joints.empty()) sequence.joints3d = joints;
-    if (!masks.empty() && !sequence.has_masks()) sequence.masks = masks + "/{frame:06}.png";
+    if (!masks.empty() && !sequence.has_masks()) {
+      sequence.masks = masks + "/{frame:06}.png";
+      sequence.mask_offset.clear();
+    }
   }
   if (found_points) {
     name_layout(report["layout"], capture);

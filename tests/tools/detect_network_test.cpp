@@ -55,6 +55,17 @@ class DetectWithNetwork : public ::testing::Test {
   tools::DetectSource source_;
 };
 
+TEST_F(DetectWithNetwork, NumbersOfImagesMayOutgrowTheirZeros) {
+  std::filesystem::create_directory(folder_ / "many");
+  for (const char* number : {"07", "99", "100"})
+    support::write_bytes(folder_ / "many" / fmt::format("f_{}.png", number), "");
+  const tools::DetectSource many = detect_sources_of(path("many"));
+  EXPECT_EQ(many.frames, (std::vector<long>{7, 99, 100}));
+  EXPECT_TRUE(many.images.ends_with("f_{frame:02}.png")) << many.images;
+  support::write_bytes(folder_ / "many/f_0101.png", "");
+  EXPECT_THROW(detect_sources_of(path("many")), UsageError);
+}
+
 TEST_F(DetectWithNetwork, WritesTheTableAndTheMasks) {
   const tools::DetectNetwork chosen =
       tools::choose_network(path("pose.onnx"), path("net.yaml"), path("map.yaml"), true);

@@ -91,12 +91,13 @@ class Agreement {
       : views_(views), middle_(middle), options_(options) {}
 
   /// The pixels of a view that the others support. @param pixels 0 or 255 @param share of the other views
-  cv::Mat supported(const View& view, const cv::Mat& pixels, double share) const {
+  /// @param unseen whether pixels count whose place the others do not see
+  cv::Mat supported(const View& view, const cv::Mat& pixels, double share, bool unseen) const {
     cv::Mat result = pixels.clone();
     cv::parallel_for_({0, pixels.rows}, [&](const cv::Range& rows) {
       for (int row = rows.start; row < rows.end; ++row)
         for (int column = 0; column < pixels.cols; ++column)
-          if (pixels.at<std::uint8_t>(row, column) != 0 && !supports(view, {column + 0.5, row + 0.5}, share))
+          if (pixels.at<std::uint8_t>(row, column) != 0 && !supports(view, {column + 0.5, row + 0.5}, share, unseen))
             result.at<std::uint8_t>(row, column) = 0;
     });
     return result;
@@ -104,12 +105,13 @@ class Agreement {
 
  private:
   /// Points of the ray are tested from the middle outwards.
-  bool supports(const View& view, const Eigen::Vector2d& pixel, double share) const {
+  bool supports(const View& view, const Eigen::Vector2d& pixel, double share, bool unseen) const {
     const auto ray = ray_of(*view.camera, pixel);
     if (!ray) return true;
     const double along = ray->direction.dot(middle_ - ray->origin);
     const double across = (ray->origin + along * ray->direction - middle_).norm();
     if (across > options_.radius) return false;
+    if (unseen && seen_from(ray->origin + along * ray->direction, view.index).all < kMinOthers) return true;
     const double half = std::sqrt(options_.radius * options_.radius - across * across);
     for (double offset = 0; offset <= half; offset += options_.step)
       for (const double side : {-1.0, 1.0})
@@ -119,17 +121,26 @@ class Agreement {
     return false;
   }
 
-  bool is_inside(const Eigen::Vector3d& point, std::size_t except, double share) const {
-    int seen = 0, on_mask = 0;
+  /// How many of the other views have a point in their image, and how many of them on their mask.
+  struct Seen {
+    int all = 0, on_mask = 0;
+  };
+  Seen seen_from(const Eigen::Vector3d& point, std::size_t except) const {
+    Seen seen;
     for (const View& view : views_) {
       if (view.index == except || view.camera->camera_from_world(point).z() <= 0) continue;
       const Eigen::Vector2d pixel = view.camera->project(point);
       if (!(pixel.x() >= 0) || !(pixel.y() >= 0) || pixel.x() >= view.near.cols || pixel.y() >= view.near.rows)
         continue;
-      ++seen;
-      on_mask += view.near.at<std::uint8_t>(static_cast<int>(pixel.y()), static_cast<int>(pixel.x())) != 0;
+      ++seen.all;
+      seen.on_mask += view.near.at<std::uint8_t>(static_cast<int>(pixel.y()), static_cast<int>(pixel.x())) != 0;
     }
-    return seen >= kMinOthers && on_mask >= share * seen;
+    return seen;
+  }
+
+  bool is_inside(const Eigen::Vector3d& point, std::size_t except, double share) const {
+    const Seen seen = seen_from(point, except);
+    return seen.all >= kMinOthers && seen.on_mask >= share * seen.all;
   }
 
   const std::vector<View>& views_;
@@ -139,9 +150,9 @@ class Agreement {
 
 /// The person in a view as the others see it too. @param possible 255 where the view may show the person
 cv::Mat settled(const Agreement& agreement, const View& view, const cv::Mat& possible, const MaskAgreement& options) {
-  const cv::Mat person = agreement.supported(view, view.person, options.share);
+  const cv::Mat person = agreement.supported(view, view.person, options.share, true);
   if (cv::countNonZero(possible) == 0) return person;
-  return components_touching(person | agreement.supported(view, possible, options.possible_share), person);
+  return components_touching(person | agreement.supported(view, possible, options.possible_share, false), person);
 }
 
 }  // namespace

@@ -25,7 +25,8 @@ struct SettledPixels {
 /// lies on enough of the other masks (`share`, `possible_share`); at least two other views must see the point. A view
 /// with a black or empty mask has no say, and neither has one at a point outside of its image. The result does not
 /// depend on the order of the views.
-/// - Pixels of the person without support are removed. Nothing is removed with fewer than three masks.
+/// - Pixels of the person without support are removed, unless fewer than two other views have in their images the point
+///   of the ray that is nearest to the person. Nothing is removed with fewer than three masks.
 /// - Pixels that may show the person (kPossiblePerson) are added where they are supported and connected to the mask.
 /// All
 ///   others become background.

@@ -6,6 +6,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/path_pattern.h"
+#include "doppel/core/thin_out.h"
 #include "doppel/detect/keypoints/keypoint_map.h"
 #include "doppel/detect/keypoints/keypoint_source.h"
 #include "doppel/detect/keypoints/limbs.h"
@@ -17,7 +18,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr int kMaxFilesRead = 40, kMaxFramesTried = 2000;
+constexpr int kMaxFilesRead = 40;
 constexpr double kClearlyShorter = 0.8;  ///< ratio of the limbs' lengths in the two layouts
 constexpr int kMinLimbs = 8;             ///< seen in both layouts
 
@@ -115,10 +116,9 @@ void read_some_of_folder(const fs::path& folder, const KeypointCamera& camera, s
 }
 
 void read_some_of_pattern(const std::string& pattern, const KeypointCamera& camera, std::vector<Detections>& found) {
-  for (long frame = 0; frame < kMaxFramesTried && found.size() < as_size(kMaxFilesRead); ++frame) {
-    const fs::path file = expand_pattern(pattern, 0, "", frame);
-    if (fs::is_regular_file(file)) found.push_back(read_detections(file, camera));
-  }
+  std::vector<long> frames = frames_of_pattern(pattern);
+  thin_out(frames, kMaxFilesRead);
+  for (const long frame : frames) found.push_back(read_detections(expand_pattern(pattern, 0, "", frame), camera));
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include "doppel/detect/keypoints/keypoint_table.h"
 
 #include <algorithm>
-#include <array>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -15,6 +14,7 @@
 #include "doppel/detect/keypoints/format.h"
 #include "doppel/detect/keypoints/json_parts.h"
 #include "doppel/detect/keypoints/keypoint_map.h"
+#include "doppel/detect/keypoints/table_columns.h"
 
 namespace doppel {
 
@@ -24,54 +24,13 @@ constexpr char kTableHeader[] = "frame,name,x,y,confidence";
 constexpr char kTableOfCameras[] = "frame,camera,name,x,y,confidence";  ///< one table may hold several cameras
 constexpr std::size_t kOthersInMessage = 20;
 
-/// What a column of a table with one row per point holds. The numbers are positions in Columns.
-enum Role { kFrame, kImage, kCamera, kPerson, kName, kNumber, kX, kY, kZ, kConfidence, kRoles };
+using Columns = TableColumns;
 
-/// The roles by the names of columns (plain_column). Of several names of a role, the first that a table has counts.
-const std::array<std::vector<std::string>, kRoles>& names_of_roles() {
-  static const std::array<std::vector<std::string>, kRoles> names{{
-      {"frame", "frameid", "framenumber", "frameindex", "frameidx", "frameno", "framenum", "framenr", "fnum"},
-      {"image", "imageid", "imagename", "imagefile", "file", "filename", "img", "imgname"},
-      {"camera", "cam", "cameraname", "camname", "cameraid", "camid", "view"},
-      {"person", "personid", "personindex", "personidx", "individual", "individuals", "trackid", "subject", "subjectid",
-       "instance", "instanceid"},
-      {"name", "joint", "jointname", "keypoint", "keypointname", "bodypart", "bodyparts", "bodypartname", "landmark",
-       "landmarkname", "point", "pointname", "part", "partname", "marker", "markername", "label"},
-      {"jointid", "jointindex", "jointidx", "jointnumber", "keypointid", "keypointindex", "keypointidx",
-       "keypointnumber", "landmarkid", "landmarkindex", "landmarkidx", "landmarknumber", "bodypartid", "pointid",
-       "pointindex", "pointidx", "pointnumber"},
-      {"x", "xpx", "xpixel", "xpixels", "pixelx", "xcoord", "xcoordinate", "xpos", "u"},
-      {"y", "ypx", "ypixel", "ypixels", "pixely", "ycoord", "ycoordinate", "ypos", "v"},
-      {"z", "zpx", "zcoord", "zcoordinate", "zpos"},
-      {"confidence", "conf", "likelihood", "score", "visibility", "probability", "prob", "certainty", "c", "p"},
-  }};
-  return names;
-}
-
-/// [roles] positions of the columns; -1: there is none.
-using Columns = std::array<int, kRoles>;
-
-Columns columns_of_table(const std::vector<std::string>& header) {
-  Columns columns{};
-  std::vector<std::string> plain;
-  for (const std::string& name : header) plain.push_back(plain_column(name));
-  for (std::size_t role = 0; role < columns.size(); ++role) {
-    columns[role] = -1;
-    for (const std::string& name : names_of_roles()[role]) {
-      const auto found = std::find(plain.begin(), plain.end(), name);
-      if (found == plain.end()) continue;
-      columns[role] = static_cast<int>(found - plain.begin());
-      break;
-    }
-  }
-  return columns;
-}
-
-bool has_point(const Columns& columns) { return columns[kX] >= 0 && columns[kY] >= 0; }
-bool has_name(const Columns& columns) { return columns[kName] >= 0 || columns[kNumber] >= 0; }
-bool has_time(const Columns& columns) { return columns[kFrame] >= 0 || columns[kImage] >= 0; }
+bool has_point(const Columns& columns) { return columns[kXColumn] >= 0 && columns[kYColumn] >= 0; }
+bool has_name(const Columns& columns) { return columns[kNameColumn] >= 0 || columns[kNumberColumn] >= 0; }
+bool has_time(const Columns& columns) { return columns[kFrameColumn] >= 0 || columns[kImageColumn] >= 0; }
 /// Programs that write depths beside points of an image also write how sure they are.
-bool is_in_space(const Columns& columns) { return columns[kZ] >= 0 && columns[kConfidence] < 0; }
+bool is_in_space(const Columns& columns) { return columns[kZColumn] >= 0 && columns[kConfidenceColumn] < 0; }
 
 /// Doppel's own tables have exactly these columns, and are written in pixels.
 bool is_own(const std::vector<std::string>& header) {
@@ -89,7 +48,7 @@ class TableReader {
         own_(is_own(reader_.header())) {
     require_columns();
     while (reader_.next_row()) read_row();
-    if (images_.empty() && columns_[kCamera] < 0) reader_.fail_here("the table has no rows");
+    if (images_.empty() && columns_[kCameraColumn] < 0) reader_.fail_here("the table has no rows");
     if (images_.empty())
       reader_.fail_here("the table has no row of camera '{}'; it has rows of: {}", camera_, fmt::join(others_, ", "));
   }
@@ -114,8 +73,8 @@ class TableReader {
     std::vector<std::string> missing;
     if (!has_time(columns_)) missing.emplace_back("the frame (frame, frame_id, ...; or image)");
     if (!has_name(columns_)) missing.emplace_back("the point (name, joint, keypoint, bodypart, landmark, ...)");
-    if (columns_[kX] < 0) missing.emplace_back("x");
-    if (columns_[kY] < 0) missing.emplace_back("y");
+    if (columns_[kXColumn] < 0) missing.emplace_back("x");
+    if (columns_[kYColumn] < 0) missing.emplace_back("y");
     if (!missing.empty())
       reader_.fail_here("reading a table of keypoints: there is no column for {}; the first line names {}",
                         fmt::join(missing, " and "),
@@ -126,31 +85,31 @@ class TableReader {
           "are needed. If z may be ignored, add a column `confidence`");
   }
 
-  const std::string& cell(Role role) const { return reader_.cells()[as_size(columns_[role])]; }
-  double number(Role role) const { return reader_.number(as_size(columns_[role])); }
+  const std::string& cell(TableRole role) const { return reader_.cells()[as_size(columns_[role])]; }
+  double number(TableRole role) const { return reader_.number(as_size(columns_[role])); }
 
   void read_row() {
     std::pair<long, std::string> image{-1, ""};
-    if (columns_[kFrame] >= 0)
-      image.first = reader_.integer(as_size(columns_[kFrame]), "the frame");
+    if (columns_[kFrameColumn] >= 0)
+      image.first = reader_.integer(as_size(columns_[kFrameColumn]), "the frame");
     else
-      image.second = cell(kImage);
-    const double sure = columns_[kConfidence] < 0 ? 1.0 : number(kConfidence);
+      image.second = cell(kImageColumn);
+    const double sure = columns_[kConfidenceColumn] < 0 ? 1.0 : number(kConfidenceColumn);
     if (own_ && (sure < 0.0 || sure > 1.0)) reader_.fail_here("the confidence is {}, allowed is 0 to 1", sure);
-    const Keypoint point = keypoint_of(number(kX), number(kY), sure);
-    if (columns_[kCamera] >= 0 && cell(kCamera) != camera_) {
-      if (others_.size() < kOthersInMessage) others_.emplace(excerpt(cell(kCamera)));
+    const Keypoint point = keypoint_of(number(kXColumn), number(kYColumn), sure);
+    if (columns_[kCameraColumn] >= 0 && cell(kCameraColumn) != camera_) {
+      if (others_.size() < kOthersInMessage) others_.emplace(excerpt(cell(kCameraColumn)));
       return;
     }
-    const std::string &name = cell(columns_[kName] >= 0 ? kName : kNumber),
-                      person = columns_[kPerson] >= 0 ? cell(kPerson) : "";
+    const std::string &name = cell(columns_[kNameColumn] >= 0 ? kNameColumn : kNumberColumn),
+                      person = columns_[kPersonColumn] >= 0 ? cell(kPersonColumn) : "";
     const auto [entry, is_new] = indices_.emplace(name, indices_.size());
     if (is_new) names_.push_back(name);
     if (!given_.emplace(image, person, entry->second).second)
       reader_.fail_here("the point '{}' of frame {}{} is given twice{}", excerpt(name),
                         image.first < 0 ? excerpt(image.second) : std::to_string(image.first),
                         person.empty() ? "" : " of a person",
-                        columns_[kPerson] < 0 ? "; a table of several people needs a column `person`" : "");
+                        columns_[kPersonColumn] < 0 ? "; a table of several people needs a column `person`" : "");
     Person& points = images_[image][person];
     if (points.size() < names_.size()) points.resize(names_.size());
     points[entry->second] = point;

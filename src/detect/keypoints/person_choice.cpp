@@ -131,13 +131,14 @@ FoundPerson described(const GroupTrack& track, std::size_t frames) {
 int wanted_person(const std::vector<FoundPerson>& people, const PersonChoiceOptions& options) {
   if (options.person && options.near)
     fail<UsageError>("following a person: either the index of the person or a position may be given, not both");
+  if (people.empty()) return -1;
   if (options.person) {
     if (*options.person < 0 || *options.person >= static_cast<int>(people.size()))
       fail<UsageError>("following a person: person {} was asked for, and {} people were found, counted from 0",
                        *options.person, people.size());
     return *options.person;
   }
-  if (people.empty() || !options.near) return people.empty() ? -1 : 0;
+  if (!options.near) return 0;
   const auto nearest = std::min_element(people.begin(), people.end(), [&](const auto& a, const auto& b) {
     return (a.position - *options.near).norm() < (b.position - *options.near).norm();
   });

@@ -6,6 +6,7 @@
 #include "doppel/detect/keypoints/csv_reader.h"
 #include "doppel/detect/keypoints/format.h"
 #include "doppel/detect/keypoints/json_parts.h"
+#include "doppel/detect/keypoints/table_columns.h"
 
 namespace doppel {
 
@@ -16,15 +17,16 @@ constexpr std::size_t kMaxWideColumns = 10000;
 /// A column like `L0_x`, `nose.y`, `x12` or `left_hip_visibility`.
 struct WideColumn {
   std::string point;
-  char part = 0;  ///< 'x', 'y', 'c' confidence; 0: something else
+  char part = 0;  ///< 'x', 'y', 'c' confidence, 'p' presence in the image; 0: something else
 };
 
 /// 0 for words that name no part of a point.
 char part_of(const std::string& word) {
   if (word == "x" || word == "y") return word[0];
-  for (const char* confidence : {"visibility", "confidence", "likelihood", "score", "v", "c"})
+  for (const char* confidence : {"visibility", "vis", "confidence", "conf", "likelihood", "score", "probability",
+                                 "prob", "certainty", "v", "c", "p", "s"})
     if (word == confidence) return 'c';
-  return 0;
+  return word == "presence" ? 'p' : 0;
 }
 
 WideColumn wide_column(std::string name) {
@@ -54,7 +56,7 @@ struct WidePoint {
 
 /// What the header says; no points: it is not the header of such a table.
 struct WideHeader {
-  int frame = -1;
+  TableColumns columns{};  ///< of frame, image and person
   std::vector<WidePoint> points;
   std::vector<std::string> names;  ///< empty: the points are numbered
 };
@@ -72,18 +74,20 @@ bool order_by_number(const std::vector<std::string>& names, std::vector<WidePoin
   return true;
 }
 
-bool is_frame_column(const std::string& name) {
-  const std::string plain = plain_column(name);
-  for (const char* known : {"frame", "frameid", "framenumber", "frameindex", "frameidx", "frameno", "framenum", "fnum"})
-    if (plain == known) return true;
-  return false;
+/// Removes what has a confidence and no place, as the score of a person.
+void drop_scores(WideHeader& header) {
+  for (std::size_t i = header.points.size(); i-- > 0;)
+    if (header.points[i].x < 0 && header.points[i].y < 0) {
+      header.points.erase(header.points.begin() + static_cast<std::ptrdiff_t>(i));
+      header.names.erase(header.names.begin() + static_cast<std::ptrdiff_t>(i));
+    }
 }
 
 WideHeader read_wide_header(const std::vector<std::string>& columns) {
   WideHeader header;
+  header.columns = columns_of_table(columns);
   std::map<std::string, std::size_t> indices;
   for (std::size_t c = 0; c < columns.size() && columns.size() <= kMaxWideColumns; ++c) {
-    if (is_frame_column(columns[c])) header.frame = static_cast<int>(c);
     const WideColumn column = wide_column(columns[c]);
     if (column.part == 0 || column.point.empty()) continue;
     const auto [entry, is_new] = indices.emplace(column.point, header.points.size());
@@ -92,8 +96,10 @@ WideHeader read_wide_header(const std::vector<std::string>& columns) {
       header.names.push_back(column.point);
     }
     WidePoint& point = header.points[entry->second];
+    if (column.part == 'p' && point.confidence >= 0) continue;
     (column.part == 'x' ? point.x : column.part == 'y' ? point.y : point.confidence) = static_cast<int>(c);
   }
+  drop_scores(header);
   const bool complete = std::all_of(header.points.begin(), header.points.end(),
                                     [](const WidePoint& point) { return point.x >= 0 && point.y >= 0; });
   if (!complete || header.points.size() < 2) return {};
@@ -114,26 +120,40 @@ class WideReader {
 
  private:
   void read_row() {
-    const long row = static_cast<long>(result_.images.size());
-    const long frame = header_.frame < 0 ? row : reader_.integer(as_size(header_.frame), "the frame");
+    const int frame = header_.columns[kFrameColumn], image = header_.columns[kImageColumn];
+    std::pair<long, std::string> time{-1, ""};
+    if (frame >= 0)
+      time.first = reader_.integer(as_size(frame), "the frame");
+    else if (image >= 0)
+      time.second = reader_.cells()[as_size(image)];
+    else
+      time.first = static_cast<long>(result_.images.size());
     DetectedPerson person;
     for (const WidePoint& point : header_.points)
       person.body.push_back(
           keypoint_of(number(point.x), number(point.y), point.confidence < 0 ? 1.0 : number(point.confidence)));
-    result_.images.push_back({frame, "", {std::move(person)}});
+    const auto [entry, is_new] = image_of_.emplace(time, result_.images.size());
+    if (is_new)
+      result_.images.push_back({time.first < 0 ? std::nullopt : std::optional(time.first), time.second, {}});
+    else if (header_.columns[kPersonColumn] < 0)
+      reader_.fail_here("frame {} is given twice; a table of several people needs a column `person`",
+                        time.first < 0 ? time.second : std::to_string(time.first));
+    result_.images[entry->second].people.push_back(std::move(person));
   }
 
   double number(int column) const { return reader_.number(as_size(column)); }
 
   CsvReader reader_;
   WideHeader header_;
+  std::map<std::pair<long, std::string>, std::size_t> image_of_;
   Detections result_;
 };
 
-/// Tables with one row per frame and columns x, y and perhaps a confidence for each point, as many programs write the
-/// landmarks of MediaPipe: `L0_x, L0_y, L0_z, L0_visibility, ...`, `x0, y0, ...`, `nose_x, nose_y, ...`. There is no
-/// standard of the header. Numbered points are in the order of the layout, from 0 or 1. A column `frame` states the
-/// frame; otherwise rows count from 0. MediaPipe's x and y are fractions of the image's size.
+/// Tables with one row per frame and person, and columns x, y and perhaps a confidence for each point, as many programs
+/// write the landmarks of MediaPipe: `L0_x, L0_y, L0_z, L0_visibility, ...`, `x0, y0, ...`, `nose_x, nose_y, ...`.
+/// There is no standard of the header. Numbered points are in the order of the layout, from 0 or 1. A column `frame` or
+/// `image` states the frame, otherwise rows count from 0; a column `person` tells several people of a frame apart.
+/// MediaPipe's x and y are fractions of the image's size.
 class WideKeypoints : public KeypointFormat {
  public:
   std::string name() const override { return "wide_csv"; }

@@ -91,6 +91,17 @@ TEST(MaskAgreement, CamerasThatSawNobodyHaveNoSay) {
   EXPECT_EQ(settle_masks(masks, views).removed, 0);
 }
 
+TEST(MaskAgreement, WhatTheOthersHaveNotInTheirImagesStays) {
+  std::vector<Camera> views = cameras(3);
+  std::vector<cv::Mat> masks = sphere_masks(views);
+  // The second camera shows the upper part of the sphere alone.
+  views[1].height = kPixels / 2;
+  masks[1] = masks[1].rowRange(0, kPixels / 2).clone();
+  const int before = cv::countNonZero(masks[0]) + cv::countNonZero(masks[2]);
+  settle_masks(masks, views);
+  EXPECT_EQ(cv::countNonZero(masks[0]) + cv::countNonZero(masks[2]), before);
+}
+
 TEST(MaskAgreement, AMissingPartThatTheOthersSeeIsAdded) {
   const std::vector<Camera> views = cameras(6);
   const std::vector<cv::Mat> ground_truth = sphere_masks(views);

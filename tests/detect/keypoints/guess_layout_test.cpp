@@ -84,6 +84,10 @@ TEST(GuessedLayout, OfPatternsFoldersAndFiles) {
   EXPECT_EQ(guess_layout((folder / "0005.json").string(), {}), "body25b");
   EXPECT_EQ(guess_layout((folder / "none_{frame}.json").string(), {}), std::nullopt);
   EXPECT_THROW(guess_layout((folder / "none.json").string(), {}), FileError);
+  // The first files of a long recording may show nobody.
+  for (int frame = 5000; frame < 5100; ++frame)
+    support::write_bytes(folder / fmt::format("late_{}.json", frame), frame < 5060 ? R"({"people":[]})" : text);
+  EXPECT_EQ(guess_layout((folder / "late_{frame}.json").string(), {}), "body25b");
 }
 
 }  // namespace

@@ -88,7 +88,7 @@ TEST(JointDetectionsRejects, WhatCannotBe) {
   EXPECT_THAT(refusal("20,3,LHip", "20,2,RHip"), HasSubstr("given twice"));
   EXPECT_THAT(refusal("-110,4", "-11000,4"), HasSubstr("millimetres"));
   EXPECT_THAT(refusal("x_mm", "x_m"), HasSubstr("x_mm"));
-  EXPECT_THAT(message_of<FileError>([] { read("frame,index,name,x_mm,y_mm,z_mm\n"); }), HasSubstr("no rows"));
+  EXPECT_TRUE(read("frame,index,name,x_mm,y_mm,z_mm\n").empty()) << "of a camera that saw nobody";
 }
 
 TEST(JointDetectionsRejects, HostileFiles) {

@@ -67,10 +67,11 @@ class KeypointFiles : public ::testing::Test {
     support::write_bytes(file_, text);
     return read_all_people(file_, layout_of(count), camera);
   }
-  std::string format(const std::string& text) const {
+  Detections detections(const std::string& text) const {
     support::write_bytes(file_, text);
-    return read_detections(file_).format;
+    return read_detections(file_);
   }
+  std::string format(const std::string& text) const { return detections(text).format; }
   std::map<long, People> table(const std::string& rows, const std::string& camera = "2") const {
     return all("frame,camera,name,x,y,confidence\n" + rows, 3, {camera});
   }
@@ -123,6 +124,26 @@ TEST_F(KeypointFiles, AreRecognisedByTheirContent) {
   EXPECT_EQ(format("[" + mmpose_person() + "]"), "mmpose");
   EXPECT_EQ(format("\xEF\xBB\xBF\n " + openpose("")), "openpose");
   EXPECT_EQ(format("frame,x0,y0,x1,y1\n0,1,2,3,4\n"), "wide_csv");
+}
+
+TEST_F(KeypointFiles, WideTablesHaveTheColumnsOfOtherPrograms) {
+  for (const char* word : {"conf", "p", "vis", "score", "probability"}) {
+    const std::string table = fmt::format("frame,nose_x,nose_y,nose_{0},hip_x,hip_y,hip_{0}\n0,1,2,.5,0,0,0\n", word);
+    const Detections found = detections(table);
+    ASSERT_EQ(found.images.size(), 1u) << word;
+    EXPECT_EQ(found.images[0].people[0].body[0].confidence, .5f) << word;
+    EXPECT_EQ(found.images[0].people[0].body[1].confidence, 0.f) << word;
+  }
+  const Detections sleap = detections(
+      "track,frame_idx,instance.score,nose.x,nose.y,nose.score,hip.x,hip.y,hip.score\n"
+      "a,7,.9,1,2,.5,3,4,.5\nb,7,.9,5,6,.5,7,8,.5\na,8,.9,1,2,.5,3,4,.5\n");
+  ASSERT_EQ(sleap.images.size(), 2u);
+  EXPECT_EQ(sleap.images[0].frame, 7);
+  ASSERT_EQ(sleap.images[0].people.size(), 2u);
+  EXPECT_EQ(sleap.images[0].people[1].body[1].x, 7.f);
+  const Detections named = detections("image,a_x,a_y,b_x,b_y\n000004.png,1,2,3,4\n");
+  EXPECT_FALSE(named.images.at(0).frame);
+  EXPECT_EQ(named.images.at(0).name, "000004.png");
 }
 
 TEST_F(KeypointFiles, ConfidencesAreHeldToTheirRange) {
