@@ -11,6 +11,7 @@
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/data/capture/video_decoder.h"
+#include "doppel/detect/keypoints/frame_names.h"
 #include "doppel/geometry/image_file.h"
 
 namespace doppel {
@@ -104,10 +105,12 @@ class VideoReel : public Reel {
 class FolderReel : public Reel {
  public:
   explicit FolderReel(const fs::path& folder) {
+    std::vector<std::string> images;
     for (const auto& entry : fs::directory_iterator(folder))
-      if (entry.is_regular_file() && cv::haveImageReader(entry.path().string())) paths_.push_back(entry.path());
-    if (paths_.empty()) fail_at({folder.string(), 0}, "holds no image that OpenCV can decode");
-    std::sort(paths_.begin(), paths_.end());
+      if (entry.is_regular_file() && cv::haveImageReader(entry.path().string()))
+        images.push_back(entry.path().string());
+    if (images.empty()) fail_at({folder.string(), 0}, "holds no image that OpenCV can decode");
+    for (const std::size_t i : order_of_names(images)) paths_.emplace_back(images[i]);
     size_ = read_colour_image(paths_.front()).size();
   }
 

@@ -55,7 +55,8 @@ std::unique_ptr<FrameSource> open_device(Device device);
 
 /// Whether a source is the number of a camera.
 bool is_camera(const std::string& source);
-/// @param source the number of a camera (0: the first), a video file, or a folder of images in the order of their names
+/// @param source the number of a camera (0: the first), a video file, or a folder of images in the natural order of
+/// their names
 /// @throws UsageError when it is none of these, or a camera cannot be opened
 std::unique_ptr<FrameSource> open_source(const std::string& source, const SourceOptions& options = {});
 

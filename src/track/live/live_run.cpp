@@ -62,6 +62,7 @@ LiveState live_state(FrameState state) {
 struct LiveTimings {
   Timing capture, preprocess, detect, pose, surface, latency;
   long behind = 0;                                  ///< largest number of images that arrived during one frame
+  long first_image = 0, last_image = 0;             ///< numbers of the first and the last tracked image
   std::vector<std::pair<long, LiveState>> changes;  ///< image, and the state from this image on
   double settled_megabytes = 0.0;                   ///< main memory after the first hundred frames
   double final_megabytes = 0.0;                     ///< main memory after the last frame, before files are written
@@ -171,8 +172,12 @@ class LiveRun {
 
   void record(const SourceImage& image, const FrameResult& found) {
     const auto now = Clock::now();
-    if (log_.size() == 0) timings_.first = now;
+    if (log_.size() == 0) {
+      timings_.first = now;
+      timings_.first_image = image.number;
+    }
     timings_.last = now;
+    timings_.last_image = image.number;
     timings_.latency.add(std::chrono::duration<double>(now - image.taken).count());
     timings_.behind = std::max(timings_.behind, came_ - 1 - image.number);
     timings_.pose.add(found.pose_seconds);
@@ -253,6 +258,13 @@ class LiveRun {
   Prefetch<Shown> solved_;
 };
 
+/// The mean frames per second of the tracked images: dropped ones have no row in the motion.
+double tracked_rate(const FrameSource& source, LiveRun& run) {
+  const auto span = static_cast<double>(run.timings().last_image - run.timings().first_image);
+  const auto steps = static_cast<double>(run.result().frames.size()) - 1.0;
+  return span > 0.0 ? source.frames_per_second() * steps / span : source.frames_per_second();
+}
+
 LiveFigures figures_of(const FrameSource& source, LiveRun& run) {
   const LiveTimings& timings = run.timings();
   const double seconds = std::chrono::duration<double>(timings.last - timings.first).count();
@@ -303,7 +315,7 @@ TrackReport track_live(FrameSource& source, LiveView& view, FrameTracker& tracke
   run.close_file();
   if (tracked.count(FrameState::lost) < static_cast<int>(tracked.frames.size())) {
     make_motion(tracked, RootRotation::of(view.character().skeleton), options.smoothing);
-    write_poses(view.character(), source.frames_per_second(), options.out, tracked);
+    write_poses(view.character(), tracked_rate(source, run), options.out, tracked);
   } else {
     log::warn("the person was found in none of {} images; there is no motion to write", tracked.frames.size());
   }

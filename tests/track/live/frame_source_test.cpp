@@ -37,7 +37,7 @@ class Sources : public ::testing::Test {
   Sources() {
     std::filesystem::create_directory(folder_ / "pictures");
     for (const int i : {2, 0, 1})
-      cv::imwrite((folder_ / fmt::format("pictures/{}.png", i)).string(), grey(50 + 60 * i));
+      cv::imwrite((folder_ / fmt::format("pictures/{}.png", 8 + i)).string(), grey(50 + 60 * i));
     std::ofstream(folder_ / "pictures/notes.txt") << "not an image";
     VideoFile video(folder_ / "film.mp4", {48, 32}, 50.0);
     for (int i = 0; i < 4; ++i) video.write(grey(40 * i));
