@@ -15,6 +15,7 @@
 #include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
 #include "doppel/core/progress.h"
 #include "doppel/data/capture/video.h"
 #include "doppel/detect/keypoints/frame_names.h"
@@ -64,7 +65,8 @@ BoardSource board_source(const fs::path& path) {
 }
 
 /// Finds the board in the images of a camera. @param every of a video's frames
-BoardSightings sightings_in(const BoardSource& source, const Board& board, long every) {
+/// @param floor a frame that is looked at in any case
+BoardSightings sightings_in(const BoardSource& source, const Board& board, long every, std::optional<long> floor) {
   BoardSightings found;
   found.camera = source.camera;
   const auto look = [&](long instant, const cv::Mat& image, const std::string& name) {
@@ -80,9 +82,10 @@ BoardSightings sightings_in(const BoardSource& source, const Board& board, long 
   if (!source.video.empty()) {
     const auto reader = open_frames(source.video, PixelFormat::grey);
     Progress progress("boards in " + source.camera, (source.frames + every - 1) / every);
-    for (long frame = 0; frame < source.frames; frame += every) {
+    for (long frame = 0; frame < source.frames; ++frame) {
+      if (frame % every != 0 && frame != floor) continue;
       look(frame, reader->read(frame), source.video);
-      progress.advance();
+      progress.advance(frame % every == 0 ? 1 : 0);
     }
     return found;
   }
@@ -172,7 +175,7 @@ int run_board(const BoardArguments& arguments, const CommonOptions& common) {
   const std::vector<BoardSource> sources = board_sources(arguments);
   const long every = frames_between(sources, arguments.every);
   std::vector<BoardSightings> seen;
-  for (const BoardSource& source : sources) seen.push_back(sightings_in(source, board, every));
+  for (const BoardSource& source : sources) seen.push_back(sightings_in(source, board, every, arguments.floor));
   BoardCalibrationOptions options;
   if (arguments.fisheye) options.lens = Lens::fisheye;
   options.floor = arguments.floor;
@@ -183,7 +186,7 @@ int run_board(const BoardArguments& arguments, const CommonOptions& common) {
   for (const BoardCamera& camera : found.cameras)
     if (camera.posed || !any_posed) cameras.push_back(camera.intrinsics.camera);
   if (!any_posed)
-    found.notes.emplace_back("the file holds intrinsics, with all cameras in one position");
+    log::warn("no camera has a pose: {} holds intrinsics alone", arguments.out);
   else if (cameras.size() < found.cameras.size())
     found.notes.emplace_back("cameras without a pose are not in the file");
   write_calibration(arguments.out, cameras, arguments.format);
@@ -210,7 +213,7 @@ Command add_calibrate_board(CLI::App& calibrate) {
                   "chessboard:6x3:60mm (inner corners, square) or charuco:8x5:40mm:30mm:DICT_4X4_50 (squares, square, "
                   "marker, dictionary)")
       ->required();
-  app->add_option("--out", arguments->out, "Calibration to write: .toml (Pose2Sim), .yml or .calibration")->required();
+  app->add_option("--out", arguments->out, "Calibration to write: .toml (Pose2Sim) or .yml")->required();
   app->add_option("--to", arguments->format, "Format to write (default: by the extension of the file)");
   app->add_option("--names", arguments->names, "Names of the cameras (default: the names of the files or folders)")
       ->delimiter(',');

@@ -137,8 +137,25 @@ void print_table(const Synchronisation& timing, bool sound) {
   }
 }
 
+/// Refuses to replace a file that has offsets of other sequences, which the capture lacks.
+void check_sync_out(const std::filesystem::path& out, const RigFootage& footage) {
+  check_capture_out(out);
+  if (!std::filesystem::exists(out)) return;
+  for (const SequenceEntry& earlier : read_capture(out).sequences)
+    for (const SequenceEntry& sequence : footage.capture.sequences)
+      if (sequence.name == earlier.name && sequence.name != footage.entry().name &&
+          sequence.frame_offset != earlier.frame_offset)
+        fail<UsageError>(
+            "{} has other offsets of the sequence {} than the capture. To keep them, give this file as the capture; "
+            "to lose them, delete the file or choose another --out",
+            out.string(), sequence.name);
+}
+
 int run_sync(const SyncArguments& arguments, const CommonOptions& common) {
   RigFootage footage = open_rig_footage(arguments.capture, arguments.sequence);
+  const std::filesystem::path out =
+      arguments.out.empty() ? folder_of(footage.capture) / "capture_synced.yaml" : std::filesystem::path(arguments.out);
+  check_sync_out(out, footage);
   SynchroniseOptions options;
   options.window = arguments.window;
   options.drift = arguments.drift;
@@ -157,10 +174,7 @@ int run_sync(const SyncArguments& arguments, const CommonOptions& common) {
     timing = synchronise(cameras, footage.tracks, options, outlines);
     if (!arguments.drift) keep_insignificant(timing, footage);
   }
-  const std::filesystem::path out =
-      arguments.out.empty() ? folder_of(footage.capture) / "capture_synced.yaml" : std::filesystem::path(arguments.out);
   const Capture mended = with_timing(footage, timing, arguments.drift && !arguments.audio);
-  check_capture_out(out);
   write_capture(
       out, mended,
       {fmt::format("Written by `doppel calibrate sync`: frame_offset of sequence {}.", footage.entry().name)});

@@ -8,6 +8,7 @@
 
 #include "command.h"
 #include "doppel/core/error.h"
+#include "doppel/core/path_pattern.h"
 #include "doppel/data/capture/capture_cameras.h"
 #include "doppel/data/capture/filmed_sequence.h"
 #include "doppel/data/capture/find_capture.h"
@@ -99,6 +100,12 @@ std::string existing(const std::string& option, const std::string& file) {
   return fs::absolute(file).lexically_normal().string();
 }
 
+std::string names_of(const std::vector<Camera>& cameras) {
+  std::string names;
+  for (const Camera& camera : cameras) names += (names.empty() ? "" : ", ") + camera.name;
+  return names;
+}
+
 /// Uses the named cameras alone, or all of the calibration. @throws UsageError for an unknown name
 void choose(const std::vector<std::string>& cameras, Capture& capture) {
   capture.cameras.clear();
@@ -107,14 +114,61 @@ void choose(const std::vector<std::string>& cameras, Capture& capture) {
   static_cast<void>(choose_cameras(capture));
 }
 
+/// Whether two calibrations give each camera that both have the same index, by which paths name it.
+bool have_same_indices(const std::vector<Camera>& before, const std::vector<Camera>& after) {
+  for (std::size_t i = 0; i < after.size(); ++i)
+    for (std::size_t k = 0; k < before.size(); ++k)
+      if (after[i].name == before[k].name && i != k) return false;
+  return true;
+}
+
+/// Paths with `{camera}` become a path for each camera, by its index in the calibration before.
+void keep_footage(CameraPaths& paths, const std::vector<Camera>& before, const std::vector<Camera>& after) {
+  if (paths.empty() || !paths.by_camera().empty() || paths.sample().find("{camera") == std::string::npos) return;
+  std::map<std::string, std::string> by_camera;
+  for (std::size_t k = 0; k < before.size(); ++k)
+    if (std::any_of(after.begin(), after.end(), [&](const Camera& camera) { return camera.name == before[k].name; }))
+      by_camera[before[k].name] = expand_camera(paths.sample(), static_cast<int>(k), before[k].name);
+  paths = CameraPaths(std::move(by_camera));
+}
+
+/// @param key that can have one path alone
+void refuse_numbers(const std::string& key, const std::string& path, const std::string& calibration) {
+  if (path.find("{camera") != std::string::npos)
+    fail<UsageError>(
+        "--calibration: {} has the cameras in another order, and `{}` names them by their numbers; name the files "
+        "after "
+        "the cameras, and use {{name}}",
+        calibration, key);
+}
+
+/// Names another calibration. The cameras keep their footage, whatever their order in the file.
+void change_calibration(const std::string& file, Capture& capture) {
+  const std::vector<Camera> before = calibrated_cameras(capture);
+  capture.calibration = existing("--calibration", file);
+  capture.calibration_options = {};  // unit and axis of the file before
+  const std::vector<Camera> after = calibrated_cameras(capture);
+  const auto is_known = [&](const Camera& camera) {
+    return std::any_of(before.begin(), before.end(), [&](const Camera& old) { return old.name == camera.name; });
+  };
+  if (std::none_of(after.begin(), after.end(), is_known))
+    fail<UsageError>("--calibration: {} has none of the cameras of {}: it has {}, and the capture {}", file,
+                     capture.name, names_of(after), names_of(before));
+  if (have_same_indices(before, after)) return;
+  for (SequenceEntry& sequence : capture.sequences) {
+    for (CameraPaths* paths : {&sequence.videos, &sequence.masks, &sequence.keypoints})
+      keep_footage(*paths, before, after);
+    if (sequence.subtraction) keep_footage(sequence.subtraction->empty, before, after);
+    refuse_numbers("joints3d", sequence.joints3d, file);
+  }
+  refuse_numbers("background", capture.background, file);
+}
+
 int amend(const AmendArguments& arguments, const CommonOptions& common) {
   Capture capture = find_capture(arguments.capture);
   if (fs::exists(arguments.out) && fs::weakly_canonical(arguments.out) == fs::weakly_canonical(capture.file))
     fail<UsageError>("--out: {} is the capture that is read; choose another file", arguments.out.string());
-  if (!arguments.calibration.empty()) {
-    capture.calibration = existing("--calibration", arguments.calibration);
-    capture.calibration_options = {};  // unit and axis of the file before
-  }
+  if (!arguments.calibration.empty()) change_calibration(arguments.calibration, capture);
   if (!arguments.character.empty()) capture.character = existing("--character", arguments.character);
   if (!arguments.landmarks.empty()) capture.landmarks = existing("--landmarks", arguments.landmarks);
   if (!arguments.cameras.empty()) choose(arguments.cameras, capture);

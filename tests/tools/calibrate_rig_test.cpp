@@ -77,6 +77,14 @@ TEST_F(CalibrateRig, SyncWritesOffsets) {
   EXPECT_EQ(mended.sequences[0].first_frame, 5);
   EXPECT_EQ(mended.sequences[0].last_frame, 111);
 
+  // A second sequence would replace the offsets of the first, unless it begins with them.
+  std::ofstream(path("capture.yaml"), std::ios::app)
+      << "  - {name: again, split: test, videos: 'videos/{name}.mp4', last_frame: 119, "
+         "keypoints: 'keypoints/{name}/{frame:04}_keypoints.json'}\n";
+  const Outcome lost = run_words({"calibrate", "sync", path("capture.yaml"), "--sequence", "again"});
+  EXPECT_EQ(lost.code, 2);
+  EXPECT_THAT(lost.err, HasSubstr("other offsets of the sequence take"));
+
   const Outcome wrong = run_words({"calibrate", "sync", path("capture.yaml"), "--reference", "c9"});
   EXPECT_EQ(wrong.code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("no camera c9"));

@@ -10,6 +10,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/excerpt.h"
+#include "doppel/core/folder_path.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/core/text_reader.h"
 #include "doppel/detect/networks/network_config.h"
@@ -143,10 +144,18 @@ PersonChoiceOptions read_person(const ConfigReader& reader) {
   return person;
 }
 
-void read_keypoint_offset(const ConfigReader& reader, SequenceEntry& sequence) {
-  const ConfigReader offsets = reader.section("keypoint_offset");
-  for (const std::string& camera : offsets.keys())
-    sequence.keypoint_offset[camera] = offsets.get<long>(camera, between(-kMaxFrame, kMaxFrame));
+/// The number of video frame 0 in the files of each camera.
+std::map<std::string, long> read_numbers(const ConfigReader& reader, const std::string& key) {
+  std::map<std::string, long> numbers;
+  const ConfigReader section = reader.section(key);
+  for (const std::string& camera : section.keys())
+    numbers[camera] = section.get<long>(camera, between(-kMaxFrame, kMaxFrame));
+  return numbers;
+}
+
+long number_of(const std::map<std::string, long>& numbers, const std::string& camera) {
+  const auto found = numbers.find(camera);
+  return found == numbers.end() ? 0 : found->second;
 }
 
 SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
@@ -157,7 +166,8 @@ SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
   sequence.videos = read_paths(reader, "videos");
   read_masks(reader, has_background, sequence);
   if (reader.has("keypoints")) sequence.keypoints = read_paths(reader, "keypoints");
-  read_keypoint_offset(reader, sequence);
+  sequence.mask_offset = read_numbers(reader, "mask_offset");
+  sequence.keypoint_offset = read_numbers(reader, "keypoint_offset");
   if (reader.has("person")) sequence.person = read_person(reader);
   if (reader.has("joints3d")) sequence.joints3d = read_pattern(reader, "joints3d");
   sequence.motion = reader.get("motion", "");
@@ -197,8 +207,7 @@ void read_sequences(const ConfigReader& reader, Capture& capture) {
 
 fs::path read_root(const ConfigReader& reader, const fs::path& folder) {
   // Through symbolic links, as the file system goes: `..` of a link is the folder above its target.
-  fs::path root = fs::weakly_canonical(folder / reader.get("root", "."));
-  if (!root.has_filename()) root = root.parent_path();  // "a/." becomes "a/", whose last part would be empty
+  const fs::path root = folder_path(fs::weakly_canonical(folder / reader.get("root", ".")));
   if (!fs::is_directory(root)) reader.fail_at_key("root", "the folder {} does not exist", root.string());
   return root;
 }
@@ -262,6 +271,7 @@ YAML::Node sequence_node(const SequenceEntry& sequence) {
     node["background_subtraction"] = subtraction_node(*sequence.subtraction);
   else if (!sequence.masks.empty())
     node["masks"] = paths_node(sequence.masks);
+  for (const auto& [camera, offset] : sequence.mask_offset) node["mask_offset"][camera] = offset;
   const SequenceEntry usual;
   if (sequence.has_masks() || sequence.mask_threshold != usual.mask_threshold)
     node["mask_threshold"] = sequence.mask_threshold;
@@ -305,10 +315,8 @@ Split parse_split(const std::string& word) {
 
 std::string to_string(Split split) { return split_words()[static_cast<int>(split)]; }
 
-long SequenceEntry::keypoint_offset_of(const std::string& camera) const {
-  const auto found = keypoint_offset.find(camera);
-  return found == keypoint_offset.end() ? 0 : found->second;
-}
+long SequenceEntry::mask_offset_of(const std::string& camera) const { return number_of(mask_offset, camera); }
+long SequenceEntry::keypoint_offset_of(const std::string& camera) const { return number_of(keypoint_offset, camera); }
 
 void SequenceEntry::require_masks(const std::string& command) const {
   if (has_masks()) return;

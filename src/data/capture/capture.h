@@ -44,6 +44,7 @@ struct SequenceEntry {
   CameraPaths masks;   ///< the same; empty when one of the next two is set, or when there are no masks
   std::optional<ChromaKey> chroma_key;
   std::optional<BackgroundSubtraction> subtraction;
+  std::map<std::string, long> mask_offset;      ///< camera name -> number of video frame 0 in its mask files
   int mask_threshold = 128;                     ///< pixels >= this value are the person
   bool largest_component = false;               ///< keep only the largest connected part of a mask
   CameraPaths keypoints;                        ///< keypoint files (JSON or a table), or empty
@@ -59,7 +60,8 @@ struct SequenceEntry {
   /// Whether masks are computed from the images instead of read from files.
   bool masks_from_images() const { return chroma_key || subtraction; }
   bool has_masks() const { return masks_from_images() || !masks.empty(); }
-  /// The number of video frame 0 in the keypoint files of a camera.
+  /// The number of video frame 0 in the mask files or keypoint files of a camera.
+  long mask_offset_of(const std::string& camera) const;
   long keypoint_offset_of(const std::string& camera) const;
   /// @param command that needs the masks, for the message @throws Error without masks; says how to get them
   void require_masks(const std::string& command) const;

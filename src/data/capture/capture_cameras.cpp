@@ -37,6 +37,7 @@ void check_all_keys(const Capture& capture, const std::vector<Camera>& all) {
     check_keys(sequence.frame_offset, "frame_offset", capture, all);
     check_keys(sequence.videos.by_camera(), "videos", capture, all);
     check_keys(sequence.masks.by_camera(), "masks", capture, all);
+    check_keys(sequence.mask_offset, "mask_offset", capture, all);
     check_keys(sequence.keypoints.by_camera(), "keypoints", capture, all);
     check_keys(sequence.keypoint_offset, "keypoint_offset", capture, all);
     if (sequence.subtraction) check_keys(sequence.subtraction->empty.by_camera(), "empty", capture, all);

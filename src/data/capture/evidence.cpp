@@ -30,25 +30,52 @@ std::optional<std::string> layout_with_points(const std::vector<std::string>& po
   return std::nullopt;
 }
 
-/// The layout of the keypoint files, by the files of one camera. Nothing for tables with other names, and, with a
-/// warning, if the files do not decide it; reading them then checks the number of points.
-std::optional<std::string> detected_layout(const Capture& capture) {
-  try {
-    const CaptureCameras filmed = choose_cameras(capture);
-    const Camera& camera = filmed.cameras.at(0);
-    for (const SequenceEntry& sequence : capture.sequences) {
-      if (sequence.keypoints.empty()) continue;
-      const std::string source = capture.source(sequence.keypoints, filmed.file_index[0], camera.name);
-      const KeypointCamera seen = keypoint_camera(camera, filmed.file_index[0]);
-      const std::vector<std::string> names =
-          is_keypoint_table(source) ? read_detections(source, seen).points : std::vector<std::string>();
-      const auto found = names.empty() ? guess_layout(source, seen) : layout_with_points(names);
-      if (found) return found;
+/// Calls `use(source, camera)` for the keypoints of each sequence and camera, until it returns true.
+template <typename Use>
+void until_found(const Capture& capture, const Use& use) {
+  const CaptureCameras filmed = choose_cameras(capture);
+  for (const SequenceEntry& sequence : capture.sequences)
+    for (std::size_t c = 0; c < filmed.cameras.size() && !sequence.keypoints.empty(); ++c) {
+      const Camera& camera = filmed.cameras[c];
+      if (use(capture.source(sequence.keypoints, filmed.file_index[c], camera.name),
+              keypoint_camera(camera, filmed.file_index[c])))
+        return;
     }
+}
+
+bool shows_somebody(const Detections& detections) {
+  const auto is_seen = [](const Keypoint& point) { return point.confidence > 0.0f; };
+  for (const DetectedImage& image : detections.images)
+    for (const DetectedPerson& person : image.people)
+      if (std::any_of(person.body.begin(), person.body.end(), is_seen)) return true;
+  return false;
+}
+
+/// The layout of the keypoint files, by those of the first camera that found somebody. Nothing for tables with other
+/// names, and, with a warning, if the files do not decide it; reading them then checks the number of points.
+std::optional<std::string> detected_layout(const Capture& capture) {
+  std::optional<std::string> found;
+  try {
+    bool tables = false;
+    until_found(capture, [&](const std::string& source, const KeypointCamera& camera) {
+      if (!is_keypoint_table(source)) {
+        found = guess_layout(source, camera);
+        return found.has_value();
+      }
+      tables = true;
+      const Detections table = read_detections(source, camera);
+      found = layout_with_points(table.points);
+      return found || shows_somebody(table);
+    });
+    if (!found && !tables && capture.has_keypoints())
+      log::warn(
+          "{}: no keypoint file tells the detector's points, as none of them holds a person. `keypoint_map` is not "
+          "set, so its default is used",
+          capture.name);
   } catch (const Error& e) {
     log::warn("{}. `keypoint_map` is not set, so its default is used", e.what());
   }
-  return std::nullopt;
+  return found;
 }
 
 std::string chosen_map(const Capture& capture) {
@@ -68,16 +95,17 @@ KeypointMap load_map(const Capture& capture, const std::string& name) {
   return read_keypoint_map(is_builtin ? name : capture.resolve(name).string());
 }
 
-/// The points of the first table of names.
+/// The points of the first table that shows somebody: that of a camera that saw nobody may have one of them only.
 PointLayout layout_of_tables(const Capture& capture) {
-  const CaptureCameras filmed = choose_cameras(capture);
-  const KeypointCamera camera = keypoint_camera(filmed.cameras.at(0), filmed.file_index[0]);
-  for (const SequenceEntry& sequence : capture.sequences) {
-    if (sequence.keypoints.empty()) continue;
-    const std::string source = capture.source(sequence.keypoints, filmed.file_index[0], camera.name);
-    return {kNamesMap, read_detections(source, camera).points};
-  }
-  fail("{} names no `keypoints`, and no points are known without them", capture.name);
+  PointLayout layout{kNamesMap, {}};
+  until_found(capture, [&](const std::string& source, const KeypointCamera& camera) {
+    const Detections table = read_detections(source, camera);
+    const bool somebody = shows_somebody(table);
+    if (somebody || layout.points.empty()) layout.points = table.points;
+    return somebody;
+  });
+  if (layout.points.empty()) fail("{} names no `keypoints`, and no points are known without them", capture.name);
+  return layout;
 }
 
 /// Some detectors can write fractions of the image size, 0 to 1.

@@ -6,6 +6,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/path_pattern.h"
+#include "doppel/data/capture/mask_source.h"
 #include "doppel/data/capture/video.h"
 
 namespace doppel {
@@ -42,15 +43,16 @@ RowRange rows_of_sequence(const Capture& capture, const SequenceEntry& sequence,
       rows = std::min(rows, *sequence.last_frame + 1);  // keypoints alone
       continue;
     }
-    const bool masks = !sequence.masks.empty();
-    const std::string source = capture.source(masks ? sequence.masks : sequence.videos, index, camera.name);
-    const long found = open_frames(source, masks ? PixelFormat::grey : PixelFormat::colour)->num_frames(expected);
+    const auto frames = !sequence.masks.empty()
+                            ? open_masks(capture, sequence, camera.name, index, PixelFormat::grey)
+                            : open_frames(capture.source(sequence.videos, index, camera.name), PixelFormat::colour);
+    const long found = frames->num_frames(expected);
     const long filmed_rows = capture.clock(sequence, camera.name).num_rows(found);
     if (filmed_rows <= 0)
       fail(
           "sequence {}: camera {} filmed no frame of it, with the {} frames of {}; the file is damaged, or the "
           "frame_offset in capture.yaml belongs to another file",
-          sequence.name, camera.name, found, source);
+          sequence.name, camera.name, found, frames->source());
     rows = std::min(rows, filmed_rows);
     if (!sequence.last_frame) expected = found;
   }

@@ -32,7 +32,33 @@ BackgroundModel learn_scene(const BackgroundSubtraction& subtraction, const std:
   return model;
 }
 
+/// Frames of files that are numbered in another way.
+class RenumberedReader : public FrameReader {
+ public:
+  /// @param offset the number of frame 0 in `files`
+  RenumberedReader(std::unique_ptr<FrameReader> files, long offset) : files_(std::move(files)), offset_(offset) {}
+
+  cv::Mat read(long frame) override { return files_->read(frame + offset_); }
+  cv::Size size() override { return files_->size(); }
+  long num_frames(long expected) override {
+    return std::max(0L, files_->num_frames(expected < 0 ? expected : expected + offset_) - offset_);
+  }
+  const std::string& source() const override { return files_->source(); }
+  std::vector<cv::Mat> samples(int most) override { return files_->samples(most); }
+
+ private:
+  std::unique_ptr<FrameReader> files_;
+  long offset_;
+};
+
 }  // namespace
+
+std::unique_ptr<FrameReader> open_masks(const Capture& capture, const SequenceEntry& sequence,
+                                        const std::string& camera, int file_index, PixelFormat format) {
+  std::unique_ptr<FrameReader> files = open_frames(capture.source(sequence.masks, file_index, camera), format);
+  const long offset = sequence.mask_offset_of(camera);
+  return offset == 0 ? std::move(files) : std::make_unique<RenumberedReader>(std::move(files), offset);
+}
 
 MaskSource::MaskSource(const Capture& capture, const SequenceEntry& sequence, const Camera& camera, int file_index)
     : sequence_(sequence), undistort_(camera) {
@@ -40,7 +66,7 @@ MaskSource::MaskSource(const Capture& capture, const SequenceEntry& sequence, co
   if (const auto& subtraction = sequence.subtraction)
     model_ = learn_scene(*subtraction, source(subtraction->empty.empty() ? sequence.videos : subtraction->empty));
   else if (!sequence.chroma_key)
-    masks_ = open_frames(source(sequence.masks), PixelFormat::mask);
+    masks_ = open_masks(capture, sequence, camera.name, file_index);
   else if (sequence.chroma_key->against_background)
     background_ = read_colour_image(source(capture.background));
 }

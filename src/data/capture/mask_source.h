@@ -11,6 +11,12 @@
 
 namespace doppel {
 
+/// The mask files of one camera, whose frames are those of its video (`SequenceEntry::mask_offset`).
+/// @param file_index index of the camera in the calibration file @throws FileError as open_frames
+std::unique_ptr<FrameReader> open_masks(const Capture& capture, const SequenceEntry& sequence,
+                                        const std::string& camera, int file_index,
+                                        PixelFormat format = PixelFormat::mask);
+
 /// The masks of one camera in one sequence. As configured in the capture, they come from mask files, from chroma keying
 /// or from background subtraction. Masks are thresholded (0 or 255), of the image's size and without lens distortion.
 class MaskSource {

@@ -139,7 +139,7 @@ class ImageReader : public FrameReader {
     if (fs::is_directory(pattern_))
       list_folder();
     else
-      list_frames();
+      frames_ = frames_of_pattern(pattern_);
     if (frames_.empty()) fail_at({pattern_, 0}, "no image matches this pattern, or lies in this folder");
   }
 
@@ -176,31 +176,6 @@ class ImageReader : public FrameReader {
       frames_.push_back(static_cast<long>(paths_.size()));
       paths_.push_back(images[i]);
     }
-  }
-
-  /// Finds the frame numbers by listing the folder. The part of a file name at {frame} must be a number that expands to
-  /// the same name.
-  void list_frames() {
-    const fs::path path(pattern_);
-    const std::string name = path.filename().string();
-    const std::size_t open = name.find("{frame");
-    if (open == std::string::npos) {  // {frame} is in a folder's name: probe instead of listing
-      for (long frame = 0; fs::is_regular_file(expand_pattern(pattern_, 0, "", frame)); ++frame)
-        frames_.push_back(frame);
-      return;
-    }
-    if (!fs::is_directory(path.parent_path())) return;
-    const std::string before = name.substr(0, open);
-    for (const auto& entry : fs::directory_iterator(path.parent_path())) {
-      const std::string file = entry.path().filename().string();
-      if (file.compare(0, before.size(), before) != 0) continue;
-      std::size_t digits = before.size();
-      while (digits < file.size() && std::isdigit(static_cast<unsigned char>(file[digits]))) ++digits;
-      if (digits == before.size() || digits - before.size() > 18) continue;
-      const long frame = std::stol(file.substr(before.size(), digits - before.size()));
-      if (expand_pattern(name, 0, "", frame) == file) frames_.push_back(frame);
-    }
-    std::sort(frames_.begin(), frames_.end());
   }
 
   /// Where the alpha channels of some masks vary, they are the masks. A channel that does not is then a frame without

@@ -96,7 +96,7 @@ void forget_keypoints(Examination& examination) {
 Examination examine_capture(const Capture& capture, const DoctorOptions& options) {
   Examination examination;
   examination.capture = capture.name;
-  examination.seen = read_sightings(capture, options.rows, examination.findings);
+  examination.seen = read_sightings(capture, options.rows, examination.findings, options.footage);
   for (const SequenceEntry& sequence : capture.sequences) examination.sequences.push_back(sequence.name);
   examine_keypoints(examination);
   const RigExamination* rig = examination.rig ? &*examination.rig : nullptr;

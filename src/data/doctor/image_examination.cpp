@@ -196,15 +196,15 @@ class ImageJudge {
     return counts;
   }
 
-  /// Frames that a camera has fewer than the others, which all have as many; 0 otherwise.
+  /// Rows that a camera has fewer than the others, which all have as many; 0 otherwise.
   long missing_frames(std::size_t c) const {
     long others = -1;
     for (std::size_t o = 0; o < footage_.size(); ++o) {
       if (o == c) continue;
-      if (footage_[o].frames < 0 || (others >= 0 && others != footage_[o].frames)) return 0;
-      others = footage_[o].frames;
+      if (footage_[o].rows < 0 || (others >= 0 && others != footage_[o].rows)) return 0;
+      others = footage_[o].rows;
     }
-    return footage_.size() < 3 || footage_[c].frames < 0 ? 0 : others - footage_[c].frames;
+    return footage_.size() < 3 || footage_[c].rows < 0 ? 0 : others - footage_[c].rows;
   }
 
   void frames(std::size_t c) {

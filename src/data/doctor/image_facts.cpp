@@ -140,13 +140,17 @@ class FootageReading {
     const Camera& camera = seen_.cameras[camera_];
     const FrameClock clock = capture_.clock(entry_, camera.name);
     open(camera);
+    if (found_.frames >= 0) found_.rows = std::lround((static_cast<double>(found_.frames) - clock.offset) / clock.rate);
+    // Rows of a camera of another rate may repeat a frame, or leave one out.
+    const long step = std::max(1L, static_cast<long>(std::floor(clock.rate)));
     for (const int instant : instants_) {
       if (stopped_ && !found_.mask_error.empty()) break;
       const long row = seen_.instants[instant].row, frame = clock.frame(row);
       if (frame < 0) continue;
       ImageFacts facts;
       facts.row = row;
-      facts.after_previous = !found_.images.empty() && found_.images.back().row == row - 1;
+      facts.after_previous =
+          !found_.images.empty() && found_.images.back().row == row - 1 && frame - clock.frame(row - 1) == step;
       const cv::Mat image = read_image(frame), mask = read_mask(frame, image);
       if (image.empty()) small_before_.release();
       if (image.empty() && mask.empty()) continue;
@@ -181,7 +185,7 @@ class FootageReading {
       masks_.emplace(capture_, entry_, straight, index);
       if (entry_.masks.empty()) return;
       const std::string source = capture_.source(entry_.masks, index, camera.name);
-      found_.mask_frames = open_frames(source, PixelFormat::mask)->num_frames(expected);
+      found_.mask_frames = open_masks(capture_, entry_, camera.name, index)->num_frames(expected);
       found_.mask_values = look_at_masks(source);
       found_.mask_threshold = entry_.mask_threshold;
     } catch (const Error& error) {

@@ -16,7 +16,7 @@ namespace doppel {
 /// What was measured in one image, and in its mask. Light is NaN where there is no image, or no person in it.
 struct ImageFacts {
   long row = 0;
-  bool after_previous = false;   ///< the entry before is the row before
+  bool after_previous = false;   ///< the entry before is the row before, by the usual number of frames
   double exposure = NAN;         ///< mean of the linear light on the person, as its logarithm to base 2 (stops)
   double scene_exposure = NAN;   ///< the same of the image around the person
   double red = NAN, blue = NAN;  ///< on the person: log2 of red/green and blue/green, linear light
@@ -40,6 +40,7 @@ struct ImageFacts {
 struct FootageExamination {
   std::vector<ImageFacts> images;
   long frames = -1;  ///< of the video; -1: not readable
+  long rows = -1;    ///< of the sequence that it films, by its rate and offset
   long mask_frames = -1;
   std::optional<MaskValues> mask_values;  ///< of mask files
   int mask_threshold = 0;                 ///< in use

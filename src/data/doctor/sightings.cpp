@@ -13,6 +13,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/data/capture/evidence.h"
+#include "doppel/data/capture/filmed_sequence.h"
 #include "doppel/data/capture/video.h"
 #include "doppel/data/doctor/statistics.h"
 #include "doppel/detect/keypoints/guess_layout.h"
@@ -90,8 +91,8 @@ Camera fitted_camera(const Camera& camera, const FootageFacts& video, std::vecto
 
 class SightingsReader {
  public:
-  SightingsReader(const Capture& capture, long most_rows, std::vector<Finding>& findings)
-      : capture_(capture), most_rows_(most_rows), findings_(findings) {}
+  SightingsReader(const Capture& capture, long most_rows, std::vector<Finding>& findings, bool footage)
+      : capture_(capture), most_rows_(most_rows), findings_(findings), footage_(footage) {}
 
   Sightings read() {
     if (capture_.sequences.empty())
@@ -118,12 +119,17 @@ class SightingsReader {
       bool fitted = false;
       for (std::size_t s = 0; s < capture_.sequences.size(); ++s) {
         const SequenceEntry& sequence = capture_.sequences[s];
+        if (!footage_ && !has_images(capture_, sequence, calibrated, seen_.file_index[c])) continue;
         const auto video = facts_of_video(capture_, sequence, calibrated, seen_.file_index[c], findings_);
         if (!video) continue;
         rows_[s].push_back(capture_.clock(sequence, calibrated.name).num_rows(video->frames));
         if (!fitted) seen_.cameras[c] = fitted_camera(calibrated, *video, findings_);
         fitted = true;
       }
+      Camera& camera = seen_.cameras[c];
+      if (camera.width > 0) continue;  // else neither calibration nor images say it, and the middle of the lens must
+      camera.width = static_cast<int>(std::lround(2.0 * camera.K(0, 2)));
+      camera.height = static_cast<int>(std::lround(2.0 * camera.K(1, 2)));
     }
   }
 
@@ -165,7 +171,7 @@ class SightingsReader {
   void read_sequence(int s) {
     const SequenceEntry& sequence = capture_.sequences[s];
     const std::vector<KeypointTrackReader> readers = open_keypoints(sequence);
-    const long last = last_row(sequence, s);
+    const long last = last_row(sequence, s, readers);
     std::vector<long> rows = rows_to_read(sequence.first_frame, last);
     for (std::size_t i = 0; i < rows.size(); ++i) {
       const bool cut = std::find(sequence.cuts.begin(), sequence.cuts.end(), rows[i]) != sequence.cuts.end();
@@ -193,11 +199,14 @@ class SightingsReader {
     return readers;
   }
 
-  /// The last row of most cameras; without videos, of the keypoint files of the first camera.
-  long last_row(const SequenceEntry& sequence, int s) const {
+  /// The last row of most cameras; without videos, of the keypoint files of the first camera that has some.
+  long last_row(const SequenceEntry& sequence, int s, const std::vector<KeypointTrackReader>& readers) const {
     if (sequence.last_frame) return *sequence.last_frame;
     const std::vector<long>& rows = rows_[s];
     if (!rows.empty()) return static_cast<long>(median(std::vector<double>(rows.begin(), rows.end()))) - 1;
+    for (std::size_t c = 0; c < readers.size(); ++c)
+      if (const auto range = readers[c] ? readers[c]->range() : std::nullopt)
+        return capture_.clock(sequence, seen_.cameras[c].name).num_rows(range->second + 1) - 1;
     if (sequence.keypoints.empty() || !has_frame_placeholder(sequence.keypoints.sample()))
       return sequence.first_frame - 1;
     const std::string pattern = capture_.source(sequence.keypoints, seen_.file_index[0], seen_.cameras[0].name);
@@ -299,6 +308,7 @@ class SightingsReader {
   const Capture& capture_;
   long most_rows_;
   std::vector<Finding>& findings_;
+  bool footage_;
   Sightings seen_;
   std::vector<std::vector<long>> rows_;  ///< [sequences] rows that the videos have
   std::optional<PointLayout> layout_;
@@ -366,8 +376,8 @@ void complete_sightings(Sightings& seen) {
   }
 }
 
-Sightings read_sightings(const Capture& capture, long most_rows, std::vector<Finding>& findings) {
-  return SightingsReader(capture, most_rows, findings).read();
+Sightings read_sightings(const Capture& capture, long most_rows, std::vector<Finding>& findings, bool footage) {
+  return SightingsReader(capture, most_rows, findings, footage).read();
 }
 
 }  // namespace doppel

@@ -52,8 +52,10 @@ struct Sightings {
 
 /// Reads cameras, rows and detections of all sequences. What cannot be read becomes a finding, and the rest goes on.
 /// @param most_rows over all sequences; of longer captures, pieces of consecutive rows are read
+/// @param footage whether videos must be there; otherwise sizes and lengths of missing ones come from calibration and
+///   keypoints; where the calibration has no sizes, the principal point is taken for the middle of the image
 /// @throws FileError for a calibration that cannot be read; Error for a capture without sequences
-Sightings read_sightings(const Capture& capture, long most_rows, std::vector<Finding>& findings);
+Sightings read_sightings(const Capture& capture, long most_rows, std::vector<Finding>& findings, bool footage = true);
 
 /// Brings the cameras to a usual distance from each other, so that a calibration in a wrong unit can be examined like
 /// any other. Multiplies all translations by `scale`.

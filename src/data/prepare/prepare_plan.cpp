@@ -7,6 +7,7 @@
 #include "doppel/core/log.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/data/capture/capture_cameras.h"
+#include "doppel/data/capture/mask_source.h"
 #include "doppel/data/capture/template_check.h"
 #include "doppel/data/capture/video.h"
 #include "doppel/detect/keypoints/joint_detections.h"
@@ -95,8 +96,7 @@ void check_count(const PlannedSequence& sequence, const FrameClock& clock, const
   if (sequence.has_motion() && !sequence.entry.last_frame && frames != rows && !agrees)
     fail(
         "sequence {}, camera {}: the {} {} has {} frames, the motion {} rows{}; they must agree. If the surplus does "
-        "not "
-        "belong to it, set last_frame: {}",
+        "not belong to it, set last_frame: {}",
         sequence.entry.name, camera, what, reader.source(), frames, rows, shift,
         std::min(rows, clock.num_rows(frames)) - 1);
 }
@@ -126,7 +126,7 @@ void inspect_sources(PreparePlan& plan) {
       camera = fitted;
       sized[c] = true;
       if (sequence.entry.masks_from_images()) continue;
-      const auto masks = open_frames(plan.source(sequence.entry.masks, index), PixelFormat::grey);
+      const auto masks = open_masks(plan.capture, sequence.entry, camera.name, plan.file_index[c], PixelFormat::grey);
       check_count(sequence, clock, camera.name, "mask video", *masks);
       check_mask_size(sequence, camera, *masks);
     }
@@ -196,8 +196,11 @@ void check_joints(const PreparePlan& plan) {
     for (std::size_t c = 0; c < plan.cameras.size(); ++c) {
       const std::string table = plan.source(sequence.entry.joints3d, static_cast<int>(c));
       const auto frames = read_joint_detections(table, plan.evidence.map.layout);
-      log::info("sequence {}, camera {}: joints in space for {} frames, {} to {}", sequence.entry.name,
-                plan.cameras[c].name, frames.size(), frames.begin()->first, frames.rbegin()->first);
+      if (frames.empty())
+        log::info("sequence {}, camera {}: no joints in space", sequence.entry.name, plan.cameras[c].name);
+      else
+        log::info("sequence {}, camera {}: joints in space for {} frames, {} to {}", sequence.entry.name,
+                  plan.cameras[c].name, frames.size(), frames.begin()->first, frames.rbegin()->first);
     }
   }
 }
@@ -256,6 +259,8 @@ std::string describe_settings(const PreparePlan& plan, const PrepareOptions& opt
       if (clock.rate != 1.0) text += fmt::format(", {} frames per row", clock.rate);
       if (!sequence.entry.masks_from_images())
         text += ", masks " + describe_source(plan.source(sequence.entry.masks, index));
+      if (const long offset = sequence.entry.mask_offset_of(plan.cameras[c].name); offset != 0)
+        text += fmt::format(" from number {} on", offset);
       text += "\n";
     }
   }

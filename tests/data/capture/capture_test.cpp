@@ -40,6 +40,7 @@ sequences:
     keypoints: walk/{camera}_{frame:012}_keypoints.json
     motion: walk/poses.motion
     frame_offset: {"0": 2, left: -1.5}
+    mask_offset: {left: 1}
     keypoint_offset: {"0": 1, left: -3}
     first_frame: 10
     last_frame: 99
@@ -166,6 +167,8 @@ TEST(CaptureReference, WritingAndReadingGivesTheSame) {
   EXPECT_EQ(again.calibration_options.up, "-z");
   EXPECT_EQ(again.calibration_options.subject, "S9");
   EXPECT_EQ(again.sequences[0].frame_offset, capture.sequences[0].frame_offset);
+  EXPECT_EQ(again.sequences[0].mask_offset, capture.sequences[0].mask_offset);
+  EXPECT_EQ(again.sequences[0].mask_offset_of("left"), 1);
   EXPECT_EQ(again.sequences[0].keypoint_offset, capture.sequences[0].keypoint_offset);
   EXPECT_EQ(again.sequences[0].keypoint_offset_of("left"), -3);
   EXPECT_EQ(again.sequences[0].keypoint_offset_of("other"), 0);
@@ -231,6 +234,7 @@ TEST(CaptureRejects, NamesOfCamerasThatTheCalibrationLacks) {
   EXPECT_THAT(error("", "{'0': a, '2': b}"), HasSubstr("`videos` names camera '2'"));
   EXPECT_THAT(error("camera_fps: {x: 30}\n", "a"), HasSubstr("`camera_fps` names camera 'x'"));
   EXPECT_THAT(error("", "a, frame_offset: {y: 0.5}"), HasSubstr("`frame_offset` names camera 'y'"));
+  EXPECT_THAT(error("", "a, mask_offset: {y: 1}"), HasSubstr("`mask_offset` names camera 'y'"));
   EXPECT_THAT(error("", "a, keypoint_offset: {y: 1}"), HasSubstr("`keypoint_offset` names camera 'y'"));
 }
 

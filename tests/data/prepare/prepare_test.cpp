@@ -257,6 +257,21 @@ TEST(PrepareReference, FrameOffsetsShiftTheVideo) {
   EXPECT_EQ(cv::countNonZero(dataset.mask({0, 4}, 1) != expected(7, 1)), 0);
 }
 
+TEST(PrepareReference, MaskOffsetsAreTheNumbersOfTheFirstMasks) {
+  const test_capture::Options options{2, 4, 2, false};
+  const CaptureFixture usual(options), from_one(options);
+  const std::filesystem::path masks = from_one.root() / "training/masks/0";
+  for (int f = 3; f >= 0; --f)
+    std::filesystem::rename(masks / fmt::format("{:04}.png", f), masks / fmt::format("{:04}.png", f + 1));
+  from_one.write_yaml(from_one.yaml("    mask_offset: {\"0\": 1}\n"));
+  usual.prepare();
+  from_one.prepare();
+  const Dataset a = Dataset::open(usual.out()), b = Dataset::open(from_one.out());
+  for (const SampleId& sample : a.samples(Split::train))
+    for (int camera = 0; camera < 2; ++camera)
+      EXPECT_EQ(cv::countNonZero(a.mask(sample, camera) != b.mask(sample, camera)), 0);
+}
+
 TEST(PrepareReference, TwoThreadsGiveTheSameRecords) {
   const CaptureFixture fixture;
   PrepareOptions options = fixture.prepare_options();

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <limits>
 #include <numeric>
 #include <set>
 
@@ -115,30 +116,68 @@ class JoinedByOrder {
   /// @param position where the cameras stand @param same the positions that name the same cameras
   void join(const Position& position, const std::vector<Position>& same) {
     if (position.part == 0) return;
-    std::map<std::string, std::map<int, std::vector<std::size_t>>> groups;
+    std::map<std::string, FilesOfCameras> groups, counted;
     std::map<std::string, std::set<int>> cameras;
     for (std::size_t i = 0; i < paths_.size(); ++i)
       if (match_.camera[i]) cameras[match_.sequence[i]].insert(*match_.camera[i]);
     for (std::size_t i = 0; i < paths_.size(); ++i) {
       const std::optional<std::string> letters = letters_below(worded_[i], position.part);
-      if (!match_.camera[i] || !letters || cameras[match_.sequence[i]].size() > 1) continue;
+      if (!match_.camera[i] || !letters) continue;
       const std::string folder = without_cameras(worded_[i], same, position.part);
-      groups[any_letters_ ? folder : folder + *letters][*match_.camera[i]].push_back(i);
+      std::string group = any_letters_ ? folder : folder + *letters;
+      // A common number of two cameras' own counters is an accident.
+      if (is_counter(*letters))
+        counted[group][*match_.camera[i]].push_back(i);
+      else if (cameras[match_.sequence[i]].size() == 1)
+        groups[group][*match_.camera[i]].push_back(i);
     }
+    for (auto& [folder, files] : counted)
+      if (!have_same_names(files) && !join_group(folder, files)) add_lonely(files, cameras, groups[folder]);
     for (auto& [folder, files] : groups) join_group(folder, files);
   }
 
  private:
-  void join_group(const std::string& name, std::map<int, std::vector<std::size_t>>& by_camera) {
+  using FilesOfCameras = std::map<int, std::vector<std::size_t>>;
+
+  /// Whether cameras name their recordings by these letters and a number.
+  static bool is_counter(const std::string& letters) {
+    static const std::set<std::string> kCounters{"gx",  "gh",  "gopr", "gp",  "dsc", "dscf", "dscn", "img", "mvi",
+                                                 "mov", "pxl", "vid",  "dji", "c",   "clip", "mah",  "p"};
+    return kCounters.contains(letters.substr(0, letters.find(' ')));
+  }
+
+  /// Whether all cameras have files of the same names.
+  bool have_same_names(const FilesOfCameras& by_camera) const {
+    std::set<std::set<std::string>> all;
+    for (const auto& [camera, files] : by_camera) {
+      std::set<std::string> names;
+      for (const std::size_t i : files) names.insert(match_.sequence[i]);
+      all.insert(std::move(names));
+    }
+    return all.size() == 1;
+  }
+
+  /// Adds the files whose names no other camera has.
+  void add_lonely(const FilesOfCameras& files, const std::map<std::string, std::set<int>>& cameras,
+                  FilesOfCameras& group) const {
+    for (const auto& [camera, of_camera] : files)
+      for (const std::size_t i : of_camera)
+        if (cameras.at(match_.sequence[i]).size() == 1) group[camera].push_back(i);
+  }
+
+  /// @return whether all cameras have as many files
+  bool join_group(const std::string& name, FilesOfCameras& by_camera) {
+    if (by_camera.size() < 2) return false;
     const std::size_t count = by_camera.begin()->second.size();
     const bool as_many = std::all_of(by_camera.begin(), by_camera.end(),
                                      [&](const auto& files) { return files.second.size() == count; });
-    if (by_camera.size() < 2 || !as_many) return;
+    if (!as_many) return false;
     for (auto& [camera, files] : by_camera) {
       std::sort(files.begin(), files.end(), [&](auto a, auto b) { return natural_less(paths_[a], paths_[b]); });
       for (std::size_t i = 0; i < count; ++i)
         match_.sequence[files[i]] = count == 1 ? name : fmt::format("{}{}", name, i + 1);
     }
+    return true;
   }
 
   const std::vector<std::string>& paths_;
@@ -162,6 +201,20 @@ CameraMatch match_at(const Position& position, const std::vector<Position>& posi
   return match;
 }
 
+/// How clearly words before the numbers at a position speak of cameras: 1 for each "cam3", -1 for each "take3".
+int camera_words_at(const Position& position, const std::vector<WordedPath>& paths) {
+  static const std::set<std::string> kCamera{"cam", "camera", "c", "view", "stream", "kamera", "gopro"},
+      kTake{"take", "trial", "session", "seq", "sequence", "scene", "shot", "action", "rep", "run", "t", "s"};
+  int sum = 0;
+  for (const WordedPath& path : paths) {
+    const auto found = position.in(path);
+    if (!found || found->begin == 0) continue;
+    const std::string& before = path[position.part].words[found->begin - 1].text;
+    sum += static_cast<int>(kCamera.contains(before)) - static_cast<int>(kTake.contains(before));
+  }
+  return sum;
+}
+
 CameraMatch match_by_keys(const std::vector<std::string>& paths, const Keys& keys, CameraMatch::Way way) {
   std::vector<WordedPath> all;
   std::vector<Position> positions;
@@ -171,11 +224,11 @@ CameraMatch match_by_keys(const std::vector<std::string>& paths, const Keys& key
       for (const bool last : {true, false}) positions.push_back({part, last});
   }
   CameraMatch best;
-  std::pair<int, int> most{0, 0};
+  std::array<int, 3> most{0, 0, std::numeric_limits<int>::min()};
   for (const Position& position : positions) {
     CameraMatch match = match_at(position, positions, paths, all);
-    const std::pair<int, int> found{match.largest_sequence(), match.num_matched()};
-    if (found <= most) continue;
+    const std::array<int, 3> found{match.largest_sequence(), match.num_matched(), camera_words_at(position, all)};
+    if (found[1] == 0 || found <= most) continue;
     most = found;
     best = std::move(match);
     best.way = way;

@@ -125,7 +125,23 @@ class FolderReader {
       else if (layout && !is_in_space(found) && note_frames(path, read_keypoint_map(*layout).layout))
         content_.keypoint_maps[path] = {"names"};
     } catch (const Error&) {  // no table of keypoints, or one of several cameras
+      if (one_row_per_point) note_frames_of_cameras(path);
     }
+  }
+
+  /// The frames of a table with a column for the names of cameras.
+  void note_frames_of_cameras(const std::string& path) {
+    std::set<std::string> names;
+    for (const FoundCalibration& found : content_.calibrations)
+      for (const Camera& camera : found.calibration.cameras) names.insert(camera.name);
+    for (const std::string& name : names) try {
+        for (const DetectedImage& image : read_detections(full(path), {name, -1, 1, 1}).images) {
+          if (!image.frame) continue;
+          const auto [entry, is_new] = content_.keypoint_frames.emplace(path, std::pair(*image.frame, *image.frame));
+          entry->second = {std::min(entry->second.first, *image.frame), std::max(entry->second.second, *image.frame)};
+        }
+      } catch (const Error&) {  // the table has no such camera
+      }
   }
 
   /// The first and the last frame with people. @return whether the file can be read, and shows anybody

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "doppel/core/error.h"
+#include "doppel/core/folder_path.h"
 #include "doppel/detect/keypoints/frame_names.h"
 
 namespace doppel {
@@ -16,9 +17,8 @@ constexpr std::size_t kMaxFiles = 500'000;
 
 }  // namespace
 
-FolderListing::FolderListing(const fs::path& folder) : root_(fs::absolute(folder).lexically_normal()) {
+FolderListing::FolderListing(const fs::path& folder) : root_(folder_path(fs::absolute(folder))) {
   if (!fs::is_directory(folder)) fail("{} is not a folder", folder.string());
-  if (!root_.has_filename()) root_ = root_.parent_path();
 }
 
 const FolderListing::Folder& FolderListing::at(const std::string& path) const {

@@ -129,16 +129,33 @@ class Guesser {
     return std::make_tuple(files.most_cameras(), -static_cast<int>(files.way), sized, assumptions, depth);
   }
 
+  /// Whether a calibration has one camera, as others in its folder have.
+  bool is_one_of_several(const FoundCalibration& found) const {
+    const auto is_alike = [&](const FoundCalibration& other) {
+      return other.calibration.cameras.size() == 1 && folder_of(other.path) == folder_of(found.path) &&
+             other.calibration.format == found.calibration.format;
+    };
+    return is_alike(found) && std::count_if(content_.calibrations.begin(), content_.calibrations.end(), is_alike) > 1;
+  }
+
   void choose_calibration() {
     std::vector<const FoundCalibration*> candidates;
     for (const FoundCalibration& candidate : content_.calibrations) {
       const auto fits = [&](const std::string& hint) { return std::regex_search(candidate.path, std::regex(hint)); };
       const std::vector<std::string>& hints = hints_.calibration;
       if (!hints.empty() && std::none_of(hints.begin(), hints.end(), fits)) continue;
+      if (is_one_of_several(candidate)) continue;
       candidates.push_back(&candidate);
       if (!calibration_ || rank(candidate) > rank(*calibration_)) calibration_ = &candidate;
     }
     if (!calibration_) {
+      if (const auto alone = std::find_if(content_.calibrations.begin(), content_.calibrations.end(),
+                                          [&](const FoundCalibration& found) { return is_one_of_several(found); });
+          alone != content_.calibrations.end())
+        missing(
+            "one calibration of all cameras: {} and the files beside it hold one camera each; put the cameras into one "
+            "file, or use a format with a file for each camera (docs/calibration.md)",
+            alone->path);
       missing(
           "no calibration with the poses of the cameras; put one of the formats of docs/calibration.md into the "
           "folder");
@@ -198,6 +215,22 @@ class Guesser {
           some_of(names_));
     std::set<std::string> used;
     for (const SequenceFiles& sequence : filmed_) add_sequence(sequence, all.way, used);
+    tell_splits();
+  }
+
+  /// Something must be for training.
+  void tell_splits() {
+    std::vector<SequenceEntry>& all = guess_.capture.sequences;
+    const bool trains = std::any_of(all.begin(), all.end(), [](const auto& s) { return s.split == Split::train; });
+    for (SequenceEntry& entry : all) {
+      if (entry.split == Split::train) continue;
+      if (trains)
+        found("sequence {}: split {}, by its name", entry.name, to_string(entry.split));
+      else
+        found("sequence {}: split train, though its name says {}: no other sequence is for training", entry.name,
+              to_string(entry.split));
+      if (!trains) entry.split = Split::train;
+    }
   }
 
   void add_sequence(const SequenceFiles& sequence, CameraMatch::Way way, std::set<std::string>& used) {
@@ -305,13 +338,14 @@ class Guesser {
   }
 
   void find_rates() {
+    using Rate = std::pair<double, long>;  // fps and frames
     std::map<double, int> count;
-    std::map<int, std::pair<double, long>> rates;  // fps and frames by camera
-    for (const SequenceFiles& sequence : filmed_)
-      each_footage(sequence, [&](int camera, const FileStream&, const FootageFacts& facts) {
+    std::vector<std::map<int, Rate>> rates(filmed_.size());  // [sequences] by camera
+    for (std::size_t i = 0; i < filmed_.size(); ++i)
+      each_footage(filmed_[i], [&](int camera, const FileStream&, const FootageFacts& facts) {
         if (facts.fps <= 0.0) return;
         ++count[facts.fps];
-        rates[camera] = {facts.fps, std::max(rates[camera].second, facts.frames)};
+        rates[i][camera] = {facts.fps, facts.frames};
       });
     if (count.empty()) {
       if (!filmed_.empty())
@@ -322,14 +356,28 @@ class Guesser {
         std::max_element(count.begin(), count.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
     guess_.capture.fps = usual->first;
     found("fps: {:.6g}, from the videos", usual->first);
-    for (const auto& [camera, rate] : rates) {
-      const auto& [fps, frames] = rate;
-      const double drift = std::abs(fps / usual->first - 1.0) * static_cast<double>(frames);
-      if (drift < kMaxDrift) continue;
-      const std::string& name = names_[camera];
-      guess_.capture.camera_fps[name] = fps;
-      found("fps: the video of {} says {:.6g}, {:.1f} frames off at its end, so `camera_fps` names it", name, fps,
-            drift);
+    const auto drift = [&](const Rate& rate) {
+      return std::abs(rate.first / usual->first - 1.0) * static_cast<double>(rate.second);
+    };
+    for (std::size_t i = 0; i < filmed_.size(); ++i) {
+      const bool all = !rates[i].empty() && std::all_of(rates[i].begin(), rates[i].end(), [&](const auto& camera) {
+        return drift(camera.second) >= kMaxDrift && camera.second.first == rates[i].begin()->second.first;
+      });
+      if (all && filmed_.size() > 1) {
+        missing(
+            "one rate for all sequences: {} has {:.6g} frames a second, others {:.6g}, which is the `fps` of all; make "
+            "a "
+            "capture for each rate",
+            guess_.capture.sequences.size() > i ? guess_.capture.sequences[i].name : filmed_[i].name,
+            rates[i].begin()->second.first, usual->first);
+        continue;
+      }
+      for (const auto& [camera, rate] : rates[i]) {
+        if (drift(rate) < kMaxDrift || guess_.capture.camera_fps.contains(names_[camera])) continue;
+        guess_.capture.camera_fps[names_[camera]] = rate.first;
+        found("fps: the video of {} says {:.6g}, {:.1f} frames off at its end, so `camera_fps` names it",
+              names_[camera], rate.first, drift(rate));
+      }
     }
     tell_lengths();
   }
@@ -381,7 +429,7 @@ class Guesser {
   }
   /// The sequence of a role that belongs to sequence `i` and has all cameras; tells if it lacks some.
   const SequenceFiles* files_for(std::size_t i, const SortedFiles& sequences, const char* role) {
-    const SequenceFiles* sequence = files_of_sequence(filmed_[i], sequences, filmed_.size() == 1);
+    const SequenceFiles* sequence = files_of_sequence(i, filmed_, sequences);
     if (!sequence || has_all(*sequence)) return sequence;
     found("{}: {} has {} of {} cameras; not used", role, sequence->by_camera.begin()->second.path,
           sequence->by_camera.size(), used_.size());
@@ -398,6 +446,9 @@ class Guesser {
         entry.masks = paths_of(*sequence);
         entry.mask_threshold = hints_.mask_threshold;
         found("sequence {}: masks, matched {}: {}", entry.name, to_string(masks.way), entry.masks.to_string());
+        for (const int camera : used_)
+          set_mask_offset(camera, filmed_[i].by_camera.at(camera), sequence->by_camera.at(camera), entry);
+        tell_offset(entry, "masks", "mask_offset", entry.mask_offset);
         if (entry.mask_threshold == SequenceEntry().mask_threshold) fit_threshold(*sequence, entry);
       } else if (const SequenceFiles* scene = empty.sequences.size() == 1 && has_all(empty.sequences[0])
                                                   ? &empty.sequences[0]
@@ -412,6 +463,21 @@ class Guesser {
             entry.name);
       }
     }
+  }
+
+  /// Masks are numbered as keypoints are, see set_keypoint_offset.
+  void set_mask_offset(int camera, const FileStream& footage, const FileStream& masks, SequenceEntry& entry) {
+    if (!masks.per_frame) return;
+    const auto filmed = filmed_frames(footage);
+    const std::pair numbers(masks.first_frame, masks.last_frame);
+    if (!filmed || numbers == *filmed) return;
+    if (const auto offset = number_of_first(*filmed, numbers))
+      entry.mask_offset[names_[camera]] = *offset;
+    else if (numbers.second > filmed->second)
+      missing(
+          "certainty about the masks of {}: {} has numbers {} to {}, the footage has the frames {} to {}; number n is "
+          "taken to be of frame n. State `mask_offset` if that is wrong",
+          names_[camera], masks.path, numbers.first, numbers.second, filmed->first, filmed->second);
   }
 
   /// Lowers the threshold where masks hold labels, or are dim.
@@ -503,7 +569,7 @@ class Guesser {
     for (const int camera : used_)
       set_keypoint_offset(camera, filmed_[i].by_camera.at(camera),
                           only_table ? tables.front() : files->by_camera.at(camera), entry);
-    tell_keypoint_offset(entry);
+    tell_offset(entry, "keypoints", "keypoint_offset", entry.keypoint_offset);
   }
 
   /// The numbers of the first and the last frame of a camera; nothing where they are not known.
@@ -519,15 +585,21 @@ class Guesser {
     return frames == content_.keypoint_frames.end() ? std::nullopt : std::optional(frames->second);
   }
 
+  /// The number of frame 0 among files that cannot have the numbers of the frames: as many files have others, or the
+  /// last is of no frame. Both are first and last numbers. @return nothing where number n may be of frame n
+  static std::optional<long> number_of_first(const std::pair<long, long>& filmed, const std::pair<long, long>& files) {
+    if (files.second - files.first == filmed.second - filmed.first) return files.first - filmed.first;
+    if (files.second == filmed.second + 1 && files.first > filmed.first) return 1;
+    return std::nullopt;
+  }
+
   /// Keypoints have the numbers of the frames that they were found in, unless these numbers cannot be: a detector may
   /// have seen images that were numbered from 1, or from another frame on.
   void set_keypoint_offset(int camera, const FileStream& footage, const FileStream& keypoints, SequenceEntry& entry) {
     const auto filmed = filmed_frames(footage), seen = keypoint_frames(keypoints);
     if (!filmed || !seen || *filmed == *seen) return;
-    const bool as_many = seen->second - seen->first == filmed->second - filmed->first;
-    const bool from_one = seen->second == filmed->second + 1 && seen->first > filmed->first;
-    if (as_many || from_one)
-      entry.keypoint_offset[names_[camera]] = as_many ? seen->first - filmed->first : 1;
+    if (const auto offset = number_of_first(*filmed, *seen))
+      entry.keypoint_offset[names_[camera]] = *offset;
     else if (seen->second > filmed->second)
       missing(
           "certainty about the keypoints of {}: {} has numbers {} to {}, the footage has the frames {} to {}; number n "
@@ -540,14 +612,16 @@ class Guesser {
           entry.name, names_[camera], seen->first, filmed->first);
   }
 
-  void tell_keypoint_offset(const SequenceEntry& entry) {
+  /// @param files, key for the message @param offsets of the sequence, by camera
+  void tell_offset(const SequenceEntry& entry, const char* files, const char* key,
+                   const std::map<std::string, long>& offsets) {
     std::map<long, std::vector<std::string>> cameras;
-    for (const auto& [camera, offset] : entry.keypoint_offset) cameras[offset].push_back(camera);
+    for (const auto& [camera, offset] : offsets) cameras[offset].push_back(camera);
     for (const auto& [offset, names] : cameras)
       found(
-          "sequence {}: the keypoints of {} have the number n of frame n {} {}: there are as many, and the last number "
-          "is of no frame; so `keypoint_offset` is {}",
-          entry.name, some_of(names), offset < 0 ? '+' : '-', std::abs(offset), offset);
+          "sequence {}: the {} of {} have the number n of frame n {} {}: there are as many, or the last number is of "
+          "no frame; so `{}` is {}",
+          entry.name, files, some_of(names), offset < 0 ? '+' : '-', std::abs(offset), key, offset);
   }
 
   void choose_map(const Streams& files) {
@@ -597,10 +671,8 @@ class Guesser {
     const std::vector<std::string> motions =
         filtered(files_with(".motion"), [&](const std::string& file) { return folders.count(folder_of(file)) == 0; });
     for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) {
-      const std::set<std::string>& words = filmed_[i].words;
       const std::vector<std::string> own = filtered(motions, [&](const std::string& file) {
-        const std::set<std::string> there = telling_words(file);
-        return std::includes(there.begin(), there.end(), words.begin(), words.end());
+        return belong_to(i, filmed_, telling_name(file), telling_words(file));
       });
       SequenceEntry& entry = guess_.capture.sequences[i];
       if (own.size() == 1) entry.motion = own.front();

@@ -1,6 +1,7 @@
 #include "doppel/data/capture/layouts/sequence_files.h"
 
 #include <algorithm>
+#include <optional>
 
 #include "doppel/data/capture/layouts/name_words.h"
 
@@ -39,12 +40,49 @@ SortedFiles sort_files(const std::vector<FileStream>& streams, const std::vector
   return result;
 }
 
-const SequenceFiles* files_of_sequence(const SequenceFiles& sequence, const SortedFiles& files, bool only) {
-  if (only && files.sequences.size() == 1) return &files.sequences.front();
+namespace {
+
+/// How well a sequence's words tell files: all of them stand among those of the files, and perhaps in their order.
+/// Nothing if a word is missing.
+std::optional<std::pair<std::size_t, bool>> likeness(const SequenceFiles& sequence, const std::string& name,
+                                                     const std::set<std::string>& words) {
+  if (!std::includes(words.begin(), words.end(), sequence.words.begin(), sequence.words.end())) return std::nullopt;
+  return std::pair(sequence.words.size(), ("_" + name + "_").find("_" + sequence.name + "_") != std::string::npos);
+}
+
+/// The words that are no numbers.
+std::set<std::string> letters_of(const std::set<std::string>& words) {
+  std::set<std::string> letters;
+  for (const std::string& word : words)
+    if (word.find_first_not_of("0123456789") != std::string::npos) letters.insert(word);
+  return letters;
+}
+
+/// Whether the files are of another take: their words differ in numbers alone.
+bool is_of_another_take(const SequenceFiles& sequence, const SequenceFiles& files) {
+  return sequence.words != files.words && letters_of(sequence.words) == letters_of(files.words) &&
+         sequence.words.size() == files.words.size();
+}
+
+}  // namespace
+
+bool belong_to(std::size_t sequence, const std::vector<SequenceFiles>& filmed, const std::string& name,
+               const std::set<std::string>& words) {
+  const auto own = likeness(filmed[sequence], name, words);
+  return own && std::none_of(filmed.begin(), filmed.end(), [&](const SequenceFiles& other) {
+           const auto found = likeness(other, name, words);
+           return found && *found > *own;
+         });
+}
+
+const SequenceFiles* files_of_sequence(std::size_t sequence, const std::vector<SequenceFiles>& filmed,
+                                       const SortedFiles& files) {
+  if (filmed.size() == 1 && files.sequences.size() == 1 && !is_of_another_take(filmed[0], files.sequences[0]))
+    return &files.sequences.front();
   const SequenceFiles* best = nullptr;
   bool ambiguous = false;
   for (const SequenceFiles& other : files.sequences) {
-    if (!std::includes(other.words.begin(), other.words.end(), sequence.words.begin(), sequence.words.end())) continue;
+    if (!belong_to(sequence, filmed, other.name, other.words)) continue;
     if (best && other.words.size() > best->words.size()) continue;
     ambiguous = best && other.words.size() == best->words.size();
     best = &other;

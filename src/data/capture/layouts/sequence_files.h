@@ -30,9 +30,17 @@ struct SortedFiles {
 
 SortedFiles sort_files(const std::vector<FileStream>& streams, const std::vector<std::string>& cameras);
 
-/// Of files in another role (masks, keypoints), those of a sequence: their words include the words of the sequence,
-/// with fewest others. Null when there are none, or two such.
-/// @param only whether there is one sequence: then files that are sorted into one sequence belong to it
-const SequenceFiles* files_of_sequence(const SequenceFiles& sequence, const SortedFiles& files, bool only);
+/// Whether files belong to a sequence by their telling words: they include those of the sequence, and those of no other
+/// sequence that has more words, or as many in the order of the files. "walk_fast" does not belong to "walk" where
+/// there is a sequence "walk_fast", and "s1_t2" not to "s2_t1".
+/// @param sequence index in `filmed` @param name, words of the files (telling_name, telling_words)
+bool belong_to(std::size_t sequence, const std::vector<SequenceFiles>& filmed, const std::string& name,
+               const std::set<std::string>& words);
+
+/// Of files in another role (masks, keypoints), those of a sequence: that belong to it, with fewest other words. The
+/// only files belong to the only sequence, unless their words differ in numbers alone (take1, take2). Null when there
+/// are none, or two such.
+const SequenceFiles* files_of_sequence(std::size_t sequence, const std::vector<SequenceFiles>& filmed,
+                                       const SortedFiles& files);
 
 }  // namespace doppel

@@ -55,6 +55,16 @@ TEST(CameraMatchReference, FindsTheCamerasOfFiles) {
        {"GOPRO_3", "GOPRO_1", "GOPRO_2"},
        Way::order,
        {{2, 0, 1}}},
+      {"as many takes as cameras: the word before the number tells",
+       {"1", "2"},
+       {"cam1/take1", "cam1/take2", "cam2/take1", "cam2/take2"},
+       Way::name,
+       {{0, 0, 1, 1}}},
+      {"the same in one folder",
+       {"0", "1"},
+       {"cam0_take0", "cam0_take1", "cam1_take0", "cam1_take1"},
+       Way::name,
+       {{0, 0, 1, 1}}},
       {"GoPro files", {"a", "b"}, {"GX020456", "GX010123"}, Way::order, {{1, 0}}},
       {"order in each folder", {"a", "b"}, {"run/x1", "run/x2", "walk/x7", "walk/x9"}, Way::order, {{0, 1, 0, 1}}},
       {"a folder of any name for each camera",
@@ -109,6 +119,22 @@ TEST(CameraPatternReference, OnePatternWhereOneFits) {
   const CameraPaths listed = pattern({{0, "v/cam01.mp4"}, {1, "v/cam02.mp4"}});
   EXPECT_EQ(listed.by_camera(),
             (std::map<std::string, std::string>{{"cam_01", "v/cam01.mp4"}, {"cam_02", "v/cam02.mp4"}}));
+}
+
+TEST(CameraMatchReference, CountersOfCamerasAreJoinedByTheirOrder) {
+  const Names cameras{"cam1", "cam2"};
+  const auto sequences = [&](const Names& paths) { return match_cameras(paths, cameras).sequence; };
+  // 121 of the one is not 121 of the other, because both have filmed twice.
+  const Names shifted = sequences({"cam1/GX010120", "cam1/GX010121", "cam2/GX010121", "cam2/GX010122"});
+  EXPECT_EQ(shifted[0], shifted[2]);
+  EXPECT_EQ(shifted[1], shifted[3]);
+  EXPECT_NE(shifted[0], shifted[1]);
+  const Names equal = sequences({"cam1/C0001", "cam1/C0002", "cam2/C0001", "cam2/C0002"});
+  EXPECT_EQ(equal[0], equal[2]);
+  // A person's numbers tell takes.
+  const Names takes = sequences({"cam1/take1", "cam1/take2", "cam2/take2", "cam2/take3"});
+  EXPECT_EQ(takes[1], takes[2]);
+  EXPECT_NE(takes[0], takes[2]);
 }
 
 }  // namespace

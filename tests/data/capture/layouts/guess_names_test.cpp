@@ -10,6 +10,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/data/capture/find_capture.h"
 #include "doppel/data/capture/layouts/guess_capture.h"
+#include "doppel/data/capture/mask_source.h"
 #include "doppel/data/capture/video.h"
 #include "doppel/data/capture/video_file.h"
 #include "doppel/detect/keypoints/keypoint_map.h"
@@ -78,9 +79,9 @@ class GuessedNames : public ::testing::Test {
  protected:
   GuessedNames() { write_calibration(folder_ / "cameras.yml", ring(2)); }
 
-  void video(const std::string& path, int frames = kFrames) {
+  void video(const std::string& path, int frames = kFrames, double rate = 25.0) {
     fs::create_directories((folder_ / path).parent_path());
-    VideoFile file(folder_ / path, {test_capture::kWidth, test_capture::kHeight}, 25.0);
+    VideoFile file(folder_ / path, {test_capture::kWidth, test_capture::kHeight}, rate);
     for (int f = 0; f < frames; ++f)
       file.write(cv::Mat(test_capture::kHeight, test_capture::kWidth, CV_8UC3, cv::Scalar::all(10 * f)));
     file.close();
@@ -294,6 +295,72 @@ TEST_F(GuessedTables, TheFirstImagesMayShowNobody) {
   EXPECT_THAT(all_of(within.found), HasSubstr("begin with number 1"));
   write(0, kFrames - 2, 5);
   EXPECT_THAT(all_of(guess().missing), AllOf(HasSubstr("numbers 5 to 15"), HasSubstr("`keypoint_offset`")));
+}
+
+TEST_F(GuessedNames, MasksNumberedFromOneAreOfTheFrameBefore) {
+  for (int c = 0; c < 2; ++c) video(fmt::format("videos/cam{}.mp4", c));
+  for (const int first : {0, 1}) {
+    fs::remove_all(folder_ / "masks");
+    for (int c = 0; c < 2; ++c)
+      for (int f = 0; f < kFrames; ++f) image(fmt::format("masks/cam{}/{:06}.png", c, f + first), 10 * f);
+    const CaptureGuess found = guess();
+    const SequenceEntry& entry = found.capture.sequences.at(0);
+    EXPECT_EQ(entry.mask_offset_of("cam1"), first) << all_of(found.found);
+    const auto masks = open_masks(found.capture, entry, "cam1", 1);
+    EXPECT_EQ(masks->num_frames(-1), kFrames);
+    EXPECT_EQ(masks->read(4).at<std::uint8_t>(0, 0), 40);
+  }
+}
+
+TEST_F(GuessedTables, OneTableOfAllCamerasIsNumberedToo) {
+  std::string table = "frame,camera,joint,x,y,confidence\n";
+  for (int f = 1; f <= kFrames; ++f)
+    for (const char* camera : {"cam0", "cam1"})
+      for (std::size_t k = 0; k < coco17().size(); ++k)
+        table += fmt::format("{},{},{},{},{},0.9\n", f, camera, coco17()[k], at(static_cast<int>(k), f - 1).x,
+                             at(static_cast<int>(k), f - 1).y);
+  text("kp.csv", table);
+  EXPECT_EQ(guess().capture.sequences.at(0).keypoint_offset_of("cam1"), 1) << all_of(guess().found);
+}
+
+TEST_F(GuessedNames, MasksOfAnotherTakeAreNotTaken) {
+  for (const char* take : {"walk", "walk_fast", "s1_t2", "s2_t1"})
+    for (int c = 0; c < 2; ++c) video(fmt::format("{}/cam{}.mp4", take, c));
+  for (const char* take : {"walk_fast", "s1_t2"})
+    for (int c = 0; c < 2; ++c) video(fmt::format("masks/{}/cam{}.mp4", take, c));
+  const CaptureGuess found = guess();
+  ASSERT_EQ(found.capture.sequences.size(), 4u) << all_of(found.found);
+  for (const SequenceEntry& entry : found.capture.sequences)
+    EXPECT_EQ(entry.has_masks(), entry.name == "walk_fast" || entry.name == "s_1_t_2") << entry.name;
+}
+
+TEST_F(GuessedNames, SequencesOfAnotherRateAreNamed) {
+  for (int c = 0; c < 2; ++c) {
+    for (const char* take : {"run", "jump"}) video(fmt::format("{}/cam{}.mp4", take, c), 100, 50.0);
+    video(fmt::format("walk/cam{}.mp4", c), 100);
+  }
+  const CaptureGuess found = guess();
+  EXPECT_EQ(found.capture.fps, 50.0);
+  EXPECT_TRUE(found.capture.camera_fps.empty());
+  EXPECT_THAT(all_of(found.missing), HasSubstr("walk has 25 frames a second, others 50"));
+}
+
+TEST_F(GuessedNames, SomethingIsForTraining) {
+  for (int c = 0; c < 2; ++c) video(fmt::format("test/cam{}.mp4", c));
+  const CaptureGuess found = guess();
+  EXPECT_EQ(found.capture.sequences.at(0).split, Split::train);
+  EXPECT_THAT(all_of(found.found), HasSubstr("though its name says test"));
+}
+
+TEST_F(GuessedNames, OneCalibrationFilePerCameraIsNoneOfAll) {
+  fs::remove(folder_ / "cameras.yml");
+  for (int c = 0; c < 2; ++c) {
+    write_calibration(folder_ / fmt::format("calib/cam{}.yml", c), {ring(2)[static_cast<std::size_t>(c)]});
+    video(fmt::format("cam{}.mp4", c));
+  }
+  const CaptureGuess found = guess();
+  EXPECT_FALSE(found.complete);
+  EXPECT_THAT(all_of(found.missing), HasSubstr("hold one camera each"));
 }
 
 TEST_F(GuessedNames, ImagesAndKeypointsMayCountFromTheSameNumber) {
