@@ -19,16 +19,20 @@ using ::testing::IsEmpty;
 class CaptureAmend : public ::testing::Test {
  protected:
   CaptureAmend() {
-    std::string cameras = "%YAML:1.0\n---\n";
-    for (const std::string name : {"a", "b"})
-      cameras += name + ":\n   name: \"" + name +
-                 "\"\n   width: 16\n   height: 16\n   K: [ 20, 0, 8, 0, 20, 8, 0, 0, 1 ]\n   dist: [ 0, 0, 0, 0 ]\n"
-                 "   R: [ 1, 0, 0, 0, -1, 0, 0, 0, -1 ]\n   t: [ 0, 1, 4 ]\n";
     fs::create_directories(folder_.path() / "footage");
-    write_atomically(folder_.path() / "footage/cameras.yml", cameras);
+    write_cameras("footage/cameras.yml", {"a", "b"});
     write_atomically(folder_.path() / "footage/capture.yaml",
                      "doppel_capture: 1\nname: anna\ncalibration: cameras.yml\ncameras: [a]\n"
                      "sequences:\n  - {name: s, split: train, videos: '{camera}.mp4'}\n");
+  }
+  void write_cameras(const std::string& file, const std::vector<std::string>& names) const {
+    std::string cameras = "%YAML:1.0\n---\n";
+    for (const std::string& name : names)
+      cameras += name + ":\n   name: \"" + name +
+                 "\"\n   width: 16\n   height: 16\n   K: [ 20, 0, 8, 0, 20, 8, 0, 0, 1 ]\n   dist: [ 0, 0, 0, 0 ]\n"
+                 "   R: [ 1, 0, 0, 0, -1, 0, 0, 0, -1 ]\n   t: [ " +
+                 (name == "a" ? "0" : "1") + ", 1, 4 ]\n";
+    write_atomically(folder_.path() / file, cameras);
   }
   std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
   Outcome amend(const std::string& options) const {
@@ -54,6 +58,18 @@ TEST_F(CaptureAmend, AnotherCalibrationHasUnitAndAxisOfItsOwn) {
   ASSERT_EQ(amend("--calibration " + path("footage/cameras.yml")).code, 0);
   EXPECT_EQ(find_capture(path("amended.yaml")).calibration_options.up, "");
   EXPECT_EQ(find_capture(path("amended.yaml")).calibration_options.unit, "");
+}
+
+TEST_F(CaptureAmend, CamerasKeepTheirFootageInAnotherOrder) {
+  write_cameras("turned.yml", {"b", "a"});
+  ASSERT_EQ(amend("--calibration " + path("turned.yml")).code, 0);
+  const CameraPaths videos = read_capture(path("amended.yaml")).sequences.at(0).videos;
+  EXPECT_EQ(videos.of("a"), "0.mp4");
+  EXPECT_EQ(videos.of("b"), "1.mp4");
+  write_cameras("others.yml", {"c", "d"});
+  const Outcome outcome = amend("--calibration " + path("others.yml"));
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("none of the cameras"));
 }
 
 TEST_F(CaptureAmend, RefusesAnUnknownCamera) {

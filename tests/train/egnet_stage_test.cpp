@@ -106,7 +106,7 @@ TEST_F(EgNetStageRecovers, LossFallsAndTheTrainedModelLoads) {
   EXPECT_TRUE(torch::isfinite(moved).all().item<bool>());
 
   // The rate of the motion windows is that of the training, whatever another capture has.
-  const auto faster = *folder_ / "faster";
+  const auto faster = prepared_.parent_path() / "faster";
   std::filesystem::copy(prepared_, faster, std::filesystem::copy_options::recursive);
   Capture capture = read_capture(faster);
   const double rate = std::exchange(capture.fps, 2.0 * capture.fps);

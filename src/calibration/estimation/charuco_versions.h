@@ -2,8 +2,9 @@
 
 #include <opencv2/aruco/charuco.hpp>
 
-/// ChArUco boards in every version of OpenCV. OpenCV 4.7 changed the types of its module aruco, and the order of the
-/// squares of boards with an even number of rows. The old order is kept, so that every version finds the same boards.
+/// ChArUco boards in every version of OpenCV. OpenCV 4.7 changed the types of its module aruco. The square at the upper
+/// left is black, as OpenCV 4.6 and all later versions draw it; before 4.6, boards with an even number of rows had a
+/// white one there, which is not read.
 
 namespace doppel {
 
@@ -27,10 +28,8 @@ cv::Ptr<cv::aruco::Dictionary> aruco_dictionary(int name) {
 
 cv::Ptr<cv::aruco::CharucoBoard> charuco_board(int columns, int rows, double square, double marker,
                                                const cv::Ptr<cv::aruco::Dictionary>& dictionary) {
-  auto board = cv::makePtr<cv::aruco::CharucoBoard>(cv::Size(columns, rows), static_cast<float>(square),
-                                                    static_cast<float>(marker), *dictionary);
-  board->setLegacyPattern(true);
-  return board;
+  return cv::makePtr<cv::aruco::CharucoBoard>(cv::Size(columns, rows), static_cast<float>(square),
+                                              static_cast<float>(marker), *dictionary);
 }
 
 cv::Ptr<cv::aruco::DetectorParameters> aruco_parameters() { return cv::makePtr<cv::aruco::DetectorParameters>(); }

@@ -91,7 +91,7 @@ class Agreement {
       : views_(views), middle_(middle), options_(options) {}
 
   /// The pixels of a view that the others support. @param pixels 0 or 255 @param share of the other views
-  /// @param unseen whether pixels count whose place the others do not see
+  /// @param unseen whether pixels count that the others do not have in their images
   cv::Mat supported(const View& view, const cv::Mat& pixels, double share, bool unseen) const {
     cv::Mat result = pixels.clone();
     cv::parallel_for_({0, pixels.rows}, [&](const cv::Range& rows) {

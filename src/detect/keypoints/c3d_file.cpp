@@ -15,6 +15,7 @@ namespace {
 constexpr std::size_t kC3dBlock = 512;
 constexpr unsigned char kC3dMark = 0x50;
 constexpr std::size_t kMaxC3dPoints = 10000;
+constexpr double kMaxC3dFrames = 1e9;
 
 /// The numbers of a C3D file, in the byte order of the machine that wrote it.
 class C3dBytes {
@@ -237,7 +238,8 @@ void C3dReader::read_counts() {
   if (block < 2)
     fail_at(bytes_.where(), "reading a C3D file: the points begin in block {}, inside of the header", block);
   data_ = (block - 1) * kC3dBlock;
-  // The header counts to 65535. Longer files state both frames as two words, the lower first.
+  // The header counts to 65535. Longer files state both frames as two words, the lower first, or their number as a
+  // real.
   const auto field = [&](const char* name) -> std::optional<long> {
     const auto low = parameters_.number(name, 0), high = parameters_.number(name, 1);
     if (!low || !high || !(*low >= 0 && *low <= 65535 && *high >= 0 && *high <= 65535)) return std::nullopt;
@@ -249,6 +251,9 @@ void C3dReader::read_counts() {
   if (start && end && *end >= *start) {
     first_ = *start;
     last = *end;
+  } else if (const auto frames = parameters_.number("POINT:LONG_FRAMES");
+             last == 65535 && frames && *frames >= 1.0 && *frames <= kMaxC3dFrames) {
+    last = first_ + std::lround(*frames) - 1;
   }
   if (last < first_)
     fail_at(bytes_.where(), "reading a C3D file: the frames are {} to {}, so there are none", first_, last);

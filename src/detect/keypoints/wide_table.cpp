@@ -74,7 +74,7 @@ bool order_by_number(const std::vector<std::string>& names, std::vector<WidePoin
   return true;
 }
 
-/// Removes what has a confidence and no place, as the score of a person.
+/// Removes what has a confidence and no position, as the score of a person.
 void drop_scores(WideHeader& header) {
   for (std::size_t i = header.points.size(); i-- > 0;)
     if (header.points[i].x < 0 && header.points[i].y < 0) {

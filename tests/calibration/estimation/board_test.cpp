@@ -93,6 +93,14 @@ TEST(Board, NumbersAnAsymmetricBoardInOneWay) {
   }
 }
 
+TEST(Board, ACharucoBoardHasABlackSquareAtTheUpperLeft) {
+  for (const int rows : {5, 6}) {
+    const cv::Mat paper =
+        draw_charuco(charuco_board(8, rows, 0.04, 0.03, aruco_dictionary(cv::aruco::DICT_4X4_50)), {800, 100 * rows});
+    EXPECT_EQ(cv::mean(paper(cv::Rect(5, 5, 90, 90)))[0], 0.0) << rows;
+  }
+}
+
 TEST(Board, FindsACharucoBoardThatIsCutOff) {
   const Board board = parse_board("charuco:6x5:40mm:30mm:DICT_4X4_50");
   const auto drawing = charuco_board(6, 5, 0.04, 0.03, aruco_dictionary(cv::aruco::DICT_4X4_50));

@@ -3,6 +3,7 @@
 #include <zlib.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -103,6 +104,7 @@ struct C3dWriter {
     integer_parameter(parameters, "DATA_START", 6);
     real_parameter(parameters, "RATE", rate);
     real_parameter(parameters, "SCALE", scale);
+    if (last_frame() > 65535) real_parameter(parameters, "LONG_FRAMES", static_cast<double>(frames.size()));
     text_parameter(parameters, "UNITS", {units});
     text_parameter(parameters, "X_SCREEN", {"+X"});
     text_parameter(parameters, "Y_SCREEN", {up});
@@ -126,12 +128,13 @@ struct C3dWriter {
     word(bytes, machine == 84 ? low : high);
     word(bytes, machine == 84 ? high : low);
   }
+  int last_frame() const { return first_frame + static_cast<int>(frames.size()) - 1; }
   std::string header() const {
     std::string bytes("\x02\x50", 2);
     word(bytes, static_cast<int>(labels.size()));
     word(bytes, 0);
     word(bytes, first_frame);
-    word(bytes, first_frame + static_cast<int>(frames.size()) - 1);
+    word(bytes, std::min(65535, last_frame()));
     word(bytes, 10);
     real(bytes, scale);
     word(bytes, 6);

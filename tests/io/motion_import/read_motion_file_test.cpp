@@ -318,6 +318,12 @@ TEST_F(MarkerMotion, OfC3dInCentimetresWithASubjectIsTheSame) {
   expect_the_motion(read("take.c3d", file.bytes()), kPointLeg, 1.5);
 }
 
+TEST_F(MarkerMotion, OfC3dBehindTheLastFrameOfTheHeaderIsRead) {
+  support::C3dWriter file = c3d_file();
+  file.first_frame = 65530;
+  expect_the_motion(read("take.c3d", file.bytes()), kPointLeg, 1.5);
+}
+
 TEST_F(MarkerMotion, OfC3dWithMissingPointsIsFilledIn) {
   support::C3dWriter file = c3d_file();
   const auto wrist = as_size(std::find(file.labels.begin(), file.labels.end(), "LWrist") - file.labels.begin());

@@ -70,7 +70,7 @@ TEST_F(GivenJoints, LieInTheCoordinatesOfTheScanWhateverMatrixTheirFileHas) {
   }
 }
 
-TEST_F(GivenJoints, SwappedSidesAndPlacesOutsideOfTheBodyAreDoubted) {
+TEST_F(GivenJoints, SwappedSidesAndJointsOutsideOfTheBodyAreDoubted) {
   BodyJoints joints = joints_of_figure();
   EXPECT_THAT(create(swapped(joints), scan_).doubts, Contains(HasSubstr("left and right are swapped")));
   for (auto& [name, position] : joints.positions) position.z() += 0.5;

@@ -136,7 +136,7 @@ TEST_F(Sources, WhatIsNoneIsNamed) {
   EXPECT_THAT(complaint(folder_ / "empty.mp4"), HasSubstr("no video"));
   std::filesystem::create_directory(folder_ / "nothing");
   EXPECT_THAT(complaint(folder_ / "nothing"), HasSubstr("holds no image"));
-  cv::imwrite((folder_ / "pictures/3.png").string(), cv::Mat(10, 10, CV_8UC3, cv::Scalar::all(0)));
+  cv::imwrite((folder_ / "pictures/11.png").string(), cv::Mat(10, 10, CV_8UC3, cv::Scalar::all(0)));
   const auto source = open_source((folder_ / "pictures").string());
   for (int i = 0; i < 3; ++i) source->next();
   EXPECT_THAT(message_of<Error>([&] { source->next(); }), HasSubstr("10 x 10 pixels"));

@@ -55,17 +55,30 @@ struct CutPath {
   }
 };
 
-/// The column of digits that counts the frames, if any column varies.
+/// Whether the word before a column of digits says that they number the cameras.
+bool numbers_cameras(const CutPath& file, std::size_t column) {
+  const std::string text = lower_case(file.texts[column]);
+  const std::size_t end = text.find_last_not_of("_- ");
+  std::size_t begin = end + 1;
+  while (begin > 0 && std::isalpha(static_cast<unsigned char>(text[begin - 1]))) --begin;
+  const std::string word = end == std::string::npos ? "" : text.substr(begin, end + 1 - begin);
+  return word == "cam" || word == "camera" || word == "view" || word == "kamera";
+}
+
+/// The column of digits that counts the frames, if any column varies: that with most values, and one that numbers the
+/// cameras only where no other varies.
 /// @param most_digits of numbers that may be frames
 std::size_t frame_column(const std::vector<const CutPath*>& files, std::size_t most_digits = kMaxFrameDigits) {
-  std::size_t best = 0, most = 1;
+  std::size_t best = 0;
+  std::pair<bool, std::size_t> most{false, 1};  // no number of a camera; values
   for (std::size_t column = 0; column < files.front()->digits.size(); ++column) {
     std::set<std::string> values;
     for (const CutPath* file : files) values.insert(file->digits[column]);
     const bool usable =
         std::all_of(values.begin(), values.end(), [&](const auto& v) { return v.size() <= most_digits; });
-    if (!usable || values.size() < 2 || values.size() < most) continue;
-    most = values.size();
+    const std::pair found(!numbers_cameras(*files.front(), column), values.size());
+    if (!usable || values.size() < 2 || found < most) continue;
+    most = found;
     best = column + 1;
   }
   return best;  // 0: none, else the column + 1

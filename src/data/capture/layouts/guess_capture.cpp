@@ -259,14 +259,17 @@ class Guesser {
 
   void set_first_frame(const SequenceFiles& sequence, SequenceEntry& entry) {
     tell_positions(sequence, entry.name);
-    long first = 0, last = std::numeric_limits<long>::max(), shortest = last;
+    long first = 0, last = std::numeric_limits<long>::max(), shortest = last, longest = 0;
     for (const auto& [camera, stream] : sequence.by_camera) {
       first = std::max(first, stream.first_frame);
       last = std::min(last, stream.last_frame);
       shortest = std::min(shortest, stream.last_frame - stream.first_frame + 1);
+      longest = std::max(longest, stream.last_frame - stream.first_frame + 1);
     }
     if (first == 0) return;
-    if (2 * (last - first + 1) < shortest) return set_own_first_frames(sequence, entry);
+    // Of common numbers, cameras that began late have fewer.
+    const bool shifted = shortest == longest && last - first + 1 < shortest;
+    if (shifted || 2 * (last - first + 1) < shortest) return set_own_first_frames(sequence, entry);
     for (const auto& [camera, stream] : sequence.by_camera)
       entry.frame_offset[names_[camera]] = static_cast<double>(first);
     found("sequence {}: all cameras have images from number {} on, so `frame_offset` is {}", entry.name, first, first);

@@ -34,6 +34,13 @@ TEST(FileStreamsReference, TheNumberWithMostValuesCountsTheFrames) {
   for (const char* frame : {"0001", "0002", "0003"})
     for (const char* camera : {"1", "2"}) files.push_back(std::string("frame_") + frame + "_cam" + camera + ".jpg");
   EXPECT_EQ(paths_of(group_streams(files)), (Paths{"frame_{frame:04}_cam1.jpg", "frame_{frame:04}_cam2.jpg"}));
+  // More cameras than frames: the word before the number tells.
+  files.clear();
+  for (const char* camera : {"01", "02", "03"})
+    for (const char* frame : {"0000", "0001"}) files.push_back(std::string("a/cam") + camera + "_" + frame + ".png");
+  EXPECT_EQ(paths_of(group_streams(files)),
+            (Paths{"a/cam01_{frame:04}.png", "a/cam02_{frame:04}.png", "a/cam03_{frame:04}.png"}));
+  EXPECT_EQ(paths_of(group_streams({"a/cam_0001.png", "a/cam_0002.png"})), (Paths{"a/cam_{frame:04}.png"}));
 }
 
 TEST(FileStreamsReference, VideosAndTablesStandAlone) {

@@ -334,6 +334,14 @@ TEST_F(GuessedNames, MasksOfAnotherTakeAreNotTaken) {
     EXPECT_EQ(entry.has_masks(), entry.name == "walk_fast" || entry.name == "s_1_t_2") << entry.name;
 }
 
+TEST_F(GuessedNames, AsManyImagesFromOtherNumbersAreOwnCounters) {
+  for (int c = 0; c < 2; ++c)
+    for (int f = 0; f < kFrames; ++f) image(fmt::format("images/cam{}/DSC{:05}.png", c, 10 + 3 * c + f), f);
+  const SequenceEntry entry = guess().capture.sequences.at(0);
+  EXPECT_EQ(entry.frame_offset.at("cam0"), 10.0);
+  EXPECT_EQ(entry.frame_offset.at("cam1"), 13.0);
+}
+
 TEST_F(GuessedNames, SequencesOfAnotherRateAreNamed) {
   for (int c = 0; c < 2; ++c) {
     for (const char* take : {"run", "jump"}) video(fmt::format("{}/cam{}.mp4", take, c), 100, 50.0);
