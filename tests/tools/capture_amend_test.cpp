@@ -31,7 +31,7 @@ class CaptureAmend : public ::testing::Test {
       cameras += name + ":\n   name: \"" + name +
                  "\"\n   width: 16\n   height: 16\n   K: [ 20, 0, 8, 0, 20, 8, 0, 0, 1 ]\n   dist: [ 0, 0, 0, 0 ]\n"
                  "   R: [ 1, 0, 0, 0, -1, 0, 0, 0, -1 ]\n   t: [ " +
-                 (name == "a" ? "0" : "1") + ", 1, 4 ]\n";
+                 std::to_string(name[0] - 'a') + ", 1, 4 ]\n";
     write_atomically(folder_.path() / file, cameras);
   }
   std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
