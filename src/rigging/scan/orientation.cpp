@@ -146,14 +146,14 @@ class OrientationFinder {
 
   void explain_up(const UpCues& cues) {
     std::vector<std::string> why;
-    if (out_.floor) why.push_back("a floor lies at its lower end");
+    if (out_.floor) why.emplace_back("a floor lies at its lower end");
     why.push_back(fmt::format("the body is longest along {}", out_.up.substr(1)));
     if (cues.gap_below > cues.gap_above + 0.02)
       why.push_back(fmt::format("the lower {:.0f} % of its axis run between the legs", 100.0 * cues.gap_below));
-    if (cues.flat_below > cues.flat_above) why.push_back("its lower end is flat as soles are");
+    if (cues.flat_below > cues.flat_above) why.emplace_back("its lower end is flat as soles are");
     out_.reasons.push_back(fmt::format("Up: {}, because {}.", out_.up, fmt::join(why, ", ")));
     if (out_.up_confidence < 0.5)
-      out_.reasons.push_back("The shape hardly tells what is up; look at the image, or give --up.");
+      out_.reasons.emplace_back("The shape hardly tells what is up; look at the image, or give --up.");
   }
 
   /// @return whether the shape does not speak against what the file says
@@ -292,7 +292,7 @@ class OrientationFinder {
           "its mirror image.",
           facing_->direction.x(), facing_->direction.y(), facing_->direction.z(), 100.0 * facing_->mirror));
     } else {
-      out_.reasons.push_back("Facing: unknown, because no toes point out of the ankles.");
+      out_.reasons.emplace_back("Facing: unknown, because no toes point out of the ankles.");
     }
     const Vector3d front = facing_ && options_.face_z ? facing_->direction : usual_front();
     Matrix3d turn;
