@@ -137,8 +137,7 @@ void refuse_numbers(const std::string& key, const std::string& path, const std::
   if (path.find("{camera") != std::string::npos)
     fail<UsageError>(
         "--calibration: {} has the cameras in another order, and `{}` names them by their numbers; name the files "
-        "after "
-        "the cameras, and use {{name}}",
+        "after the cameras, and use {{name}}",
         calibration, key);
 }
 

@@ -121,7 +121,7 @@ bool is_safe_name(const std::string& name) {
   return !parts.is_absolute() && std::none_of(parts.begin(), parts.end(), [](const fs::path& p) { return p == ".."; });
 }
 
-/// Whether several cameras have one pose, as files without poses have that must state some.
+/// Whether all cameras have the same pose, as in a file that holds intrinsics and must state some pose.
 bool have_one_pose(const std::vector<Camera>& cameras) {
   return cameras.size() > 1 && std::all_of(cameras.begin() + 1, cameras.end(), [&](const Camera& camera) {
            return camera.R == cameras[0].R && camera.t == cameras[0].t;

@@ -36,7 +36,8 @@ BodyJoints given_joints(const std::filesystem::path& path, const Eigen::Affine3d
   return std::move(file.joints);
 }
 
-/// What speaks against given joints: their own shape, and that they lie in no body or look to its back.
+/// What is implausible about given joints: the faults of examine_joints, joints of the limbs outside of the body, and a
+/// person who faces backwards. @param faces_z whether the scan is known to face +z
 std::vector<std::string> examine_given(const BodyJoints& joints, const SolidGrid& solid, bool faces_z) {
   std::vector<std::string> doubts = examine_joints(joints), outside;
   for (const std::string& name : limb_joint_names())
@@ -45,7 +46,7 @@ std::vector<std::string> examine_given(const BodyJoints& joints, const SolidGrid
     doubts.push_back(fmt::format("{} of the {} joints of the limbs lie outside of the body: {}", outside.size(),
                                  limb_joint_names().size(), fmt::join(outside, ", ")));
   if (faces_z && pelvis_frame(joints).forward.z() < 0.0)
-    doubts.emplace_back("the person of the joints looks to where the scan has its back: left and right are swapped");
+    doubts.emplace_back("the joints face backwards, against the toes of the scan: left and right are swapped");
   return doubts;
 }
 
@@ -68,21 +69,23 @@ void refuse_several_bodies(const ScanOrientation& orientation) {
         100 * orientation.shape.largest_share);
 }
 
+struct PreparedScan {
+  TriangleMesh mesh;
+  bool faces_z;  ///< whether the person is known to look along +z
+};
+
 /// The scan as one mended mesh in the character frame. What leads there is freed again, because a scan may be large.
-/// @param faces_z set to whether the person is known to look along +z
-TriangleMesh prepared_mesh(const ScanParts& scan, const CreateCharacterOptions& options, CreatedCharacter& result,
-                           bool& faces_z) {
+PreparedScan prepare_scan(const ScanParts& scan, const CreateCharacterOptions& options, CreatedCharacter& result) {
   MergedScan merged = merge_parts(scan);
   append(result.notes, merged.notes);
   const ScanOrientation orientation = find_orientation(merged.mesh, options.orientation);
   append(result.notes, orientation.reasons);
   if (!options.joints) refuse_several_bodies(orientation);
-  faces_z = orientation.facing.has_value();
   result.joints.file_from_character = Eigen::Affine3d(orientation.character_from_file).inverse();
   merged.mesh = transformed(merged.mesh, orientation.character_from_file);
   RepairedMesh repaired = repair(merged.mesh);
   append(result.notes, repaired.report.sentences());
-  return std::move(repaired.mesh);
+  return {std::move(repaired.mesh), orientation.facing.has_value()};
 }
 
 }  // namespace
@@ -116,8 +119,7 @@ std::vector<std::string> touching_arms(const BodyJoints& joints, const SolidGrid
 CreatedCharacter create_character(const std::string& name, const ScanParts& scan,
                                   const CreateCharacterOptions& options) {
   CreatedCharacter result;
-  bool faces_z = false;
-  TriangleMesh mesh = prepared_mesh(scan, options, result, faces_z);
+  auto [mesh, faces_z] = prepare_scan(scan, options, result);
   BodyJoints given;
   if (options.joints) given = given_joints(*options.joints, result.joints.file_from_character);
   BodyJoints joints = options.joints ? given : found_joints(mesh, options, result);

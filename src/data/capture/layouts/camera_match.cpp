@@ -201,7 +201,8 @@ CameraMatch match_at(const Position& position, const std::vector<Position>& posi
   return match;
 }
 
-/// How clearly words before the numbers at a position speak of cameras: 1 for each "cam3", -1 for each "take3".
+/// Whether the words before a position name cameras or takes: the number of paths with a word as in "cam3", less those
+/// with a word as in "take3".
 int camera_words_at(const Position& position, const std::vector<WordedPath>& paths) {
   static const std::set<std::string> kCamera{"cam", "camera", "c", "view", "stream", "kamera", "gopro"},
       kTake{"take", "trial", "session", "seq", "sequence", "scene", "shot", "action", "rep", "run", "t", "s"};

@@ -369,8 +369,7 @@ class Guesser {
       if (all && filmed_.size() > 1) {
         missing(
             "one rate for all sequences: {} has {:.6g} frames a second, others {:.6g}, which is the `fps` of all; make "
-            "a "
-            "capture for each rate",
+            "a capture for each rate",
             guess_.capture.sequences.size() > i ? guess_.capture.sequences[i].name : filmed_[i].name,
             rates[i].begin()->second.first, usual->first);
         continue;
@@ -470,17 +469,10 @@ class Guesser {
 
   /// Masks are numbered as keypoints are, see set_keypoint_offset.
   void set_mask_offset(int camera, const FileStream& footage, const FileStream& masks, SequenceEntry& entry) {
-    if (!masks.per_frame) return;
     const auto filmed = filmed_frames(footage);
-    const std::pair numbers(masks.first_frame, masks.last_frame);
-    if (!filmed || numbers == *filmed) return;
-    if (const auto offset = number_of_first(*filmed, numbers))
-      entry.mask_offset[names_[camera]] = *offset;
-    else if (numbers.second > filmed->second)
-      missing(
-          "certainty about the masks of {}: {} has numbers {} to {}, the footage has the frames {} to {}; number n is "
-          "taken to be of frame n. State `mask_offset` if that is wrong",
-          names_[camera], masks.path, numbers.first, numbers.second, filmed->first, filmed->second);
+    if (masks.per_frame && filmed)
+      set_offset(camera, *filmed, {"masks", "mask_offset", masks.path, {masks.first_frame, masks.last_frame}},
+                 entry.mask_offset);
   }
 
   /// Lowers the threshold where masks hold labels, or are dim.
@@ -596,19 +588,38 @@ class Guesser {
     return std::nullopt;
   }
 
+  /// Files of a camera with the first and the last of their numbers. `kind` and `key` are for messages.
+  struct NumberedFiles {
+    const char* kind;
+    const char* key;
+    std::string path;
+    std::pair<long, long> numbers;
+  };
+  /// Notes the number of frame 0 if it cannot be 0, and tells where nothing decides it. @return whether it did either
+  bool set_offset(int camera, const std::pair<long, long>& filmed, const NumberedFiles& files,
+                  std::map<std::string, long>& offsets) {
+    const auto& [first, last] = files.numbers;
+    if (files.numbers == filmed) return true;
+    if (const auto offset = number_of_first(filmed, files.numbers)) {
+      offsets[names_[camera]] = *offset;
+      return true;
+    }
+    if (last <= filmed.second) return false;
+    missing(
+        "certainty about the {} of {}: {} has numbers {} to {}, the footage has the frames {} to {}; number n is taken "
+        "to be of frame n. State `{}` if that is wrong",
+        files.kind, names_[camera], files.path, first, last, filmed.first, filmed.second, files.key);
+    return true;
+  }
+
   /// Keypoints have the numbers of the frames that they were found in, unless these numbers cannot be: a detector may
   /// have seen images that were numbered from 1, or from another frame on.
   void set_keypoint_offset(int camera, const FileStream& footage, const FileStream& keypoints, SequenceEntry& entry) {
     const auto filmed = filmed_frames(footage), seen = keypoint_frames(keypoints);
-    if (!filmed || !seen || *filmed == *seen) return;
-    if (const auto offset = number_of_first(*filmed, *seen))
-      entry.keypoint_offset[names_[camera]] = *offset;
-    else if (seen->second > filmed->second)
-      missing(
-          "certainty about the keypoints of {}: {} has numbers {} to {}, the footage has the frames {} to {}; number n "
-          "is taken to be of frame n. State `keypoint_offset` if that is wrong",
-          names_[camera], keypoints.path, seen->first, seen->second, filmed->first, filmed->second);
-    else if (keypoints.per_frame && seen->first != filmed->first)
+    if (!filmed || !seen) return;
+    const bool done =
+        set_offset(camera, *filmed, {"keypoints", "keypoint_offset", keypoints.path, *seen}, entry.keypoint_offset);
+    if (!done && keypoints.per_frame && seen->first != filmed->first)
       found(
           "sequence {}: the keypoint files of {} begin with number {}, the footage with {}; number n is taken to be of "
           "frame n",
