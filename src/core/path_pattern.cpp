@@ -73,25 +73,24 @@ bool has_frame_placeholder(const std::string& pattern) {
 
 std::vector<long> frames_of_pattern(const std::string& pattern) {
   namespace fs = std::filesystem;
+  const std::size_t open = pattern.find("{frame");
+  const std::size_t slash = pattern.rfind('/', open);
+  const std::size_t begin = slash == std::string::npos ? 0 : slash + 1;
+  const std::string part = pattern.substr(begin, pattern.find('/', open) - begin);
+  const fs::path folder = begin == 0 ? fs::path(".") : fs::path(pattern.substr(0, begin));
   std::vector<long> frames;
-  const fs::path path(pattern);
-  const std::string name = path.filename().string();
-  const std::size_t open = name.find("{frame");
-  if (open == std::string::npos) {
-    for (long frame = 0; fs::is_regular_file(expand_pattern(pattern, 0, "", frame)); ++frame) frames.push_back(frame);
-    return frames;
-  }
-  const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
   if (!fs::is_directory(folder)) return frames;
-  const std::string before = name.substr(0, open);
+  const std::string before = pattern.substr(begin, open - begin);
   for (const auto& entry : fs::directory_iterator(folder)) {
-    const std::string file = entry.path().filename().string();
-    if (file.compare(0, before.size(), before) != 0) continue;
+    const std::string name = entry.path().filename().string();
+    if (name.compare(0, before.size(), before) != 0) continue;
     std::size_t end = before.size();
-    while (end < file.size() && std::isdigit(static_cast<unsigned char>(file[end]))) ++end;
+    while (end < name.size() && std::isdigit(static_cast<unsigned char>(name[end]))) ++end;
     if (end == before.size() || end - before.size() > 18) continue;
-    const long frame = std::stol(file.substr(before.size(), end - before.size()));
-    if (expand_pattern(name, 0, "", frame) == file) frames.push_back(frame);
+    const long frame = std::stol(name.substr(before.size(), end - before.size()));
+    const bool exists = expand_pattern(part, 0, "", frame) == name &&
+                        (entry.is_regular_file() || fs::is_regular_file(expand_pattern(pattern, 0, "", frame)));
+    if (exists) frames.push_back(frame);
   }
   std::sort(frames.begin(), frames.end());
   return frames;

@@ -17,8 +17,8 @@ std::string expand_pattern(const std::string& pattern, int camera, const std::st
 std::string expand_camera(const std::string& pattern, int camera, const std::string& name);
 /// Whether a pattern contains {frame}.
 bool has_frame_placeholder(const std::string& pattern);
-/// The frames of which a file exists, ascending: the numbers of the files' names at {frame}. Where {frame} stands in
-/// the name of a folder, they are tried from 0 on, until one is missing.
+/// The frames of which a file exists, ascending: the numbers at {frame} in the names of the files, or of the folders
+/// that hold them.
 /// @pre has_frame_placeholder; no other placeholder is left
 std::vector<long> frames_of_pattern(const std::string& pattern);
 

@@ -169,14 +169,48 @@ std::optional<BoardView> find_chessboard(const cv::Mat& image, const Board& boar
   return view;
 }
 
+using Markers = std::vector<std::vector<cv::Point2f>>;
+
+/// How far markers in an image are from a homography of the board, as a share of their sides (root mean square).
+double misfit(const cv::aruco::CharucoBoard& board, const Markers& markers, const std::vector<int>& ids) {
+  std::vector<cv::Point2f> on_board, in_image, projected;
+  double side = 0.0;
+  for (std::size_t m = 0; m < ids.size(); ++m) {
+    if (as_size(ids[m]) >= marker_corners(board).size()) continue;
+    side += cv::norm(markers[m][0] - markers[m][1]) / static_cast<double>(ids.size());
+    for (std::size_t k = 0; k < 4; ++k) {
+      const cv::Point3f& corner = marker_corners(board)[as_size(ids[m])][k];
+      on_board.emplace_back(corner.x, corner.y);
+      in_image.push_back(markers[m][k]);
+    }
+  }
+  const cv::Mat homography = on_board.empty() ? cv::Mat() : cv::findHomography(on_board, in_image);
+  if (homography.empty()) return 1.0;
+  cv::perspectiveTransform(on_board, projected, homography);
+  return cv::norm(projected, in_image, cv::NORM_L2) / std::sqrt(static_cast<double>(in_image.size())) / side;
+}
+
+/// The board as it was drawn: a board with an even number of rows by OpenCV before or since 4.6.
+cv::Ptr<cv::aruco::CharucoBoard> drawn_charuco(const Board& board, const Markers& markers,
+                                               const std::vector<int>& ids) {
+  const auto make = [&] {
+    return charuco_board(board.columns, board.rows, board.square, board.marker,
+                         aruco_dictionary(dictionaries().at(board.dictionary)));
+  };
+  auto charuco = make();
+  if (board.rows % 2 == 1) return charuco;
+  auto old = make();
+  use_old_pattern(*old);
+  return misfit(*old, markers, ids) < misfit(*charuco, markers, ids) ? old : charuco;
+}
+
 std::optional<BoardView> find_charuco(const cv::Mat& image, const Board& board) {
-  const auto dictionary = aruco_dictionary(dictionaries().at(board.dictionary));
-  const auto charuco = charuco_board(board.columns, board.rows, board.square, board.marker, dictionary);
-  const auto parameters = aruco_parameters();
-  std::vector<std::vector<cv::Point2f>> markers;
+  Markers markers;
   std::vector<int> ids;
-  cv::aruco::detectMarkers(image, dictionary, markers, ids, parameters);
+  cv::aruco::detectMarkers(image, aruco_dictionary(dictionaries().at(board.dictionary)), markers, ids,
+                           aruco_parameters());
   if (ids.empty()) return std::nullopt;
+  const auto charuco = drawn_charuco(board, markers, ids);
   std::vector<cv::Point2f> corners;
   std::vector<int> corner_ids;
   cv::aruco::interpolateCornersCharuco(markers, ids, image, charuco, corners, corner_ids);

@@ -132,6 +132,41 @@ TEST(Board, FindsACharucoBoardThatIsCutOff) {
   EXPECT_LT(corner_error(*found, shifted, camera, of_corners), 0.15);
 }
 
+/// A board as OpenCV before 4.6 drew it: markers row by row from the square at the upper left, which is white.
+cv::Mat old_charuco(int columns, int rows) {
+  constexpr int kSquare = 100, kMarker = 75, kMargin = (kSquare - kMarker) / 2;
+  const auto dictionary = aruco_dictionary(cv::aruco::DICT_4X4_50);
+  cv::Mat paper(rows * kSquare, columns * kSquare, CV_8U, cv::Scalar(255));
+  int marker = 0;
+  for (int r = 0; r < rows; ++r)
+    for (int c = 0; c < columns; ++c) {
+      const cv::Rect square(c * kSquare, r * kSquare, kSquare, kSquare);
+      if ((r + c) % 2 == 1) {
+        paper(square).setTo(0);
+        continue;
+      }
+      draw_marker(dictionary, marker++, kMarker)
+          .copyTo(paper(cv::Rect(square.x + kMargin, square.y + kMargin, kMarker, kMarker)));
+    }
+  return paper;
+}
+
+TEST(Board, ReadsBoardsThatWereDrawnBeforeOpenCv46) {
+  for (const int columns : {5, 6}) {
+    const Board board = parse_board("charuco:" + std::to_string(columns) + "x4:40mm:30mm:DICT_4X4_50");
+    cv::Mat paper;
+    cv::copyMakeBorder(old_charuco(columns, 4), paper, 50, 50, 50, 50, cv::BORDER_CONSTANT, cv::Scalar(255));
+    const auto found = find_board(paper, board);
+    ASSERT_TRUE(found) << columns;
+    EXPECT_EQ(found->corners.size(), static_cast<std::size_t>(board.num_corners()));
+    for (std::size_t i = 0; i < found->corners.size(); ++i) {
+      const Eigen::Vector3d corner = board.corner(found->corners[i]) / 0.04;
+      const Eigen::Vector2d expected(150.0 + 100.0 * corner.x(), 150.0 + 100.0 * corner.y());
+      EXPECT_LT((found->pixels[i] - expected).norm(), 0.2) << found->corners[i];
+    }
+  }
+}
+
 TEST(Board, FindsNothingInAnEmptyImage) {
   const cv::Mat noise(200, 300, CV_8UC3, cv::Scalar(90, 120, 80));
   EXPECT_FALSE(find_board(noise, parse_board("chessboard:6x3:60mm")));

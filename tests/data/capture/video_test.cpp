@@ -57,6 +57,21 @@ TEST(VideoReference, ReadsImagesByNumber) {
   EXPECT_THROW(reader->read(4), FileError);
 }
 
+TEST(VideoReference, ReadsImagesOfAFolderPerFrame) {
+  const support::TemporaryFolder folder;
+  const std::vector<cv::Mat> frames = grey_steps(6);
+  for (const int f : {2, 3, 5}) {
+    const auto own = folder / ("frame_" + std::to_string(f));
+    std::filesystem::create_directory(own);
+    cv::imwrite((own / (f == 5 ? "b.png" : "a.png")).string(), frames[f]);
+  }
+  const auto reader = open_frames((folder / "frame_{frame}" / "a.png").string(), PixelFormat::grey);
+  EXPECT_EQ(reader->num_frames(0), 4);
+  EXPECT_EQ(reader->read(2).at<std::uint8_t>(0, 0), 20);
+  EXPECT_EQ(reader->read(3).at<std::uint8_t>(0, 0), 30);
+  EXPECT_THROW(reader->read(5), FileError);
+}
+
 TEST(VideoReference, SixteenBitAndAlphaBecomeBytes) {
   const support::TemporaryFolder folder;
   cv::imwrite((folder / "0.png").string(), cv::Mat(4, 4, CV_16U, cv::Scalar(65535)));

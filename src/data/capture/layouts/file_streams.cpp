@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "doppel/core/lower_case.h"
+#include "doppel/data/capture/layouts/frame_folders.h"
 #include "doppel/data/capture/layouts/name_words.h"
 #include "doppel/detect/keypoints/frame_names.h"
 
@@ -91,22 +92,34 @@ FileStream single_file(const std::string& path) {
   return stream;
 }
 
+/// The common difference of ascending numbers; 1 for less than three.
+long step_of(const std::vector<long>& numbers) {
+  if (numbers.size() < 3) return 1;
+  const long step = numbers[1] - numbers[0];
+  for (std::size_t i = 2; i < numbers.size(); ++i)
+    if (numbers[i] - numbers[i - 1] != step) return 1;
+  return std::max(step, 1L);
+}
+
 /// The stream of files that differ in the digits of one column alone.
 FileStream frames_stream(const std::vector<const CutPath*>& files, std::size_t column) {
   const auto number = [&](const CutPath* file) { return std::strtol(file->digits[column].c_str(), nullptr, 10); };
   std::size_t shortest = kMaxFrameDigits, longest = 0;
+  std::vector<long> numbers;
   for (const CutPath* file : files) {
     shortest = std::min(shortest, file->digits[column].size());
     longest = std::max(longest, file->digits[column].size());
+    numbers.push_back(number(file));
   }
+  std::sort(numbers.begin(), numbers.end());
   const CutPath* first = *std::min_element(files.begin(), files.end(),
                                            [&](const auto* a, const auto* b) { return number(a) < number(b); });
   FileStream stream = single_file(first->path);
   stream.path = first->without(column, shortest == longest ? fmt::format("{{frame:0{}}}", longest) : "{frame}");
   stream.files = static_cast<long>(files.size());
-  stream.first_frame = number(first);
-  stream.last_frame = number(*std::max_element(files.begin(), files.end(),
-                                               [&](const auto* a, const auto* b) { return number(a) < number(b); }));
+  stream.first_frame = numbers.front();
+  stream.last_frame = numbers.back();
+  stream.step = step_of(numbers);
   stream.per_frame = true;
   return stream;
 }
@@ -169,10 +182,9 @@ FileStream folder_stream(const std::vector<const CutPath*>& files) {
   std::vector<std::string> paths;
   for (const CutPath* file : files) paths.push_back(file->path);
   FileStream stream = single_file(paths[order_of_names(paths).front()]);
-  stream.path = folder_of(stream.first_file);
   stream.files = static_cast<long>(files.size());
-  stream.last_frame = stream.files - 1;
-  stream.per_frame = stream.by_position = true;
+  stream.alone = true;
+  stream.count_positions();
   return stream;
 }
 
@@ -207,12 +219,23 @@ std::string FileStream::stem() const {
   return open == std::string::npos ? text : text.erase(open, text.find('}', open) - open + 1);
 }
 
+void FileStream::count_positions() {
+  path = folder_of(first_file);
+  first_frame = 0;
+  last_frame = files - 1;
+  per_frame = by_position = true;
+}
+
 std::vector<FileStream> group_streams(const std::vector<std::string>& paths, bool per_frame) {
-  std::vector<CutPath> cut;
+  std::vector<std::string> rest;
+  std::copy_if(paths.begin(), paths.end(), std::back_inserter(rest), [](const std::string& path) {
+    return path.find_first_of("{}") == std::string::npos;  // braces are placeholders in a capture.yaml
+  });
   std::vector<FileStream> streams;
-  for (const std::string& path : paths) {
+  if (per_frame) streams = take_frame_folders(rest);
+  std::vector<CutPath> cut;
+  for (const std::string& path : rest) {
     const FileKind kind = kind_of_file(path);
-    if (path.find_first_of("{}") != std::string::npos) continue;  // braces are placeholders in a capture.yaml
     const bool may_be_a_frame = kind == FileKind::image || kind == FileKind::json;
     if (per_frame && may_be_a_frame)
       cut.emplace_back(path);
@@ -234,6 +257,10 @@ std::vector<FileStream> group_streams(const std::vector<std::string>& paths, boo
   }
   for (const auto& [texts, files] : by_texts)
     if (folders_of_times.count(folder_of(files.front()->path)) == 0) add_streams(files, streams);
+  for (FileStream& stream : streams)
+    stream.alone =
+        stream.alone || (stream.per_frame && static_cast<std::size_t>(stream.files) ==
+                                                 in_folder[{folder_of(stream.first_file), stream.kind}].size());
   std::sort(streams.begin(), streams.end(),
             [](const FileStream& a, const FileStream& b) { return natural_less(a.first_file, b.first_file); });
   return streams;

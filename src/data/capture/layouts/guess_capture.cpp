@@ -213,9 +213,25 @@ class Guesser {
           "no videos, and no folders of images; put one video for each camera into the folder, named like the "
           "camera: {}",
           some_of(names_));
+    count_positions_of_steps();
     std::set<std::string> used;
     for (const SequenceFiles& sequence : filmed_) add_sequence(sequence, all.way, used);
     tell_splits();
+  }
+
+  /// Frames are the positions of images that are numbered in steps, and of the masks and keypoints in the same steps.
+  void count_positions_of_steps() {
+    std::set<long> steps;
+    for (SequenceFiles& sequence : filmed_) {
+      const long step = sequence.by_camera.begin()->second.step;
+      const bool all = step > 1 && std::all_of(sequence.by_camera.begin(), sequence.by_camera.end(),
+                                               [&](const auto& e) { return e.second.step == step && e.second.alone; });
+      if (!all) continue;
+      steps.insert(step);
+      for (auto& [camera, stream] : sequence.by_camera) stream.count_positions();
+    }
+    for (FileStream& stream : streams_)
+      if (stream.alone && steps.contains(stream.step)) stream.count_positions();
   }
 
   /// Something must be for training.
@@ -289,12 +305,24 @@ class Guesser {
   }
 
   void tell_positions(const SequenceFiles& sequence, const std::string& name) {
-    for (const auto& [camera, stream] : sequence.by_camera)
+    for (const auto& [camera, stream] : sequence.by_camera) {
+      if (stream.by_position && stream.step > 1)
+        return found(
+            "sequence {}: the images of {} are numbered in steps of {}; the frames are their positions, so `fps` is "
+            "the rate at which these images follow each other",
+            name, stream.path, stream.step);
       if (stream.by_position)
         return found(
             "sequence {}: the images of {} have times as names; the frames are their positions in natural order, and "
             "images that were lost are not noticed",
             name, stream.path);
+      const long numbers = stream.last_frame - stream.first_frame + 1;
+      if (stream.per_frame && stream.files < numbers)
+        return missing(
+            "sequence {}: {} images: {} has {} for the numbers {} to {}; number them without gaps, and the files of "
+            "masks and keypoints alike",
+            name, numbers - stream.files, stream.path, stream.files, stream.first_frame, stream.last_frame);
+    }
   }
 
   /// The cameras of all sequences.

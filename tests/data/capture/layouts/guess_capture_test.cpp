@@ -147,6 +147,35 @@ TEST(CaptureGuess, FoldersOfImages) {
   EXPECT_THAT(all_of(guess.missing), HasSubstr("no frame rate"));
 }
 
+TEST(CaptureGuess, AFolderPerFrame) {
+  std::vector<std::string> files;
+  for (const std::string frame : {"0001", "0002", "0003"})
+    for (const std::string camera : {"a", "b"})
+      for (const std::string kind : {"frames/", "masks/frames/"}) files.push_back(kind + frame + "/" + camera + ".png");
+  const CaptureGuess guess = guess_capture(folder_of(files, {calibration_of({"a", "b"})}));
+  const SequenceEntry& entry = guess.capture.sequences.at(0);
+  EXPECT_EQ(entry.videos, "frames/{frame:04}/{name}.png");
+  EXPECT_EQ(entry.masks, "masks/frames/{frame:04}/{name}.png");
+  EXPECT_EQ(entry.frame_offset, (std::map<std::string, double>{{"a", 1.0}, {"b", 1.0}}));
+}
+
+TEST(CaptureGuess, ImagesInSteps) {
+  std::vector<std::string> files;
+  for (const std::string camera : {"a", "b"})
+    for (const char* frame : {"0005", "0010", "0015"})
+      for (const std::string kind : {"images/", "masks/"}) files.push_back(kind + camera + "/" + frame + ".png");
+  const CaptureGuess guess = guess_capture(folder_of(files, {calibration_of({"a", "b"})}));
+  const SequenceEntry& entry = guess.capture.sequences.at(0);
+  EXPECT_EQ(entry.videos, "images/{name}");
+  EXPECT_EQ(entry.masks, "masks/{name}");
+  EXPECT_TRUE(entry.frame_offset.empty() && entry.mask_offset.empty()) << all_of(guess.found);
+  EXPECT_THAT(all_of(guess.found), HasSubstr("in steps of 5"));
+  for (std::string& file : files)
+    if (file.ends_with("0015.png")) file.replace(file.size() - 8, 8, "0020.png");
+  const CaptureGuess gaps = guess_capture(folder_of(files, {calibration_of({"a", "b"})}));
+  EXPECT_THAT(all_of(gaps.missing), HasSubstr("has 3 for the numbers 5 to 20"));
+}
+
 TEST(CaptureGuess, TheEmptySceneMakesMasks) {
   const CaptureGuess images = guess_capture(
       folder_of({"v/0.mp4", "v/1.mp4", "background/000.png", "background/001.png"}, {calibration_of({"0", "1"})}));
