@@ -10,6 +10,7 @@
 #include "doppel/core/path_pattern.h"
 #include "doppel/data/capture/capture_cameras.h"
 #include "doppel/data/capture/find_capture.h"
+#include "doppel/data/capture/video_file.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
@@ -336,6 +337,12 @@ TEST(LayoutReference, RecognisesAsh) {
   EXPECT_EQ(capture.sequences[1].motion, "meta_data/Subject/skeletoolToGTPoseTest/poseAngles.motion");
   EXPECT_EQ(capture.sequences[0].cuts, (std::vector<long>{2, 4}));
   EXPECT_EQ(capture.sequences[1].split, Split::test);
+  EXPECT_EQ(capture.fps, 25.0);
+  fs::remove(folder / "training/videos/stream000.mp4");
+  VideoFile video(folder / "training/videos/stream000.mp4", {64, 48}, 50.0);
+  video.write(cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(90)));
+  video.close();
+  EXPECT_EQ(recognise_capture(folder.path()).value().capture.fps, 50.0);
 }
 
 TEST(LayoutReference, EmptyStudioInAFolderPerCamera) {

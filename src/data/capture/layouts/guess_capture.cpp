@@ -45,9 +45,11 @@ std::vector<T> filtered(const std::vector<T>& all, Wanted wanted) {
 using Streams = std::vector<FileStream>;
 
 /// The streams that the first expression matches which matches any; without expressions, those with a role.
-Streams matching(const Streams& streams, const std::vector<std::string>& expressions, FileRole role) {
+Streams matching(const Streams& streams, const std::vector<std::string>& expressions, FileRole role,
+                 const std::vector<std::string>& cameras) {
   if (expressions.empty())
-    return filtered(streams, [&](const FileStream& stream) { return role_of_file(stream.first_file) == role; });
+    return filtered(streams,
+                    [&](const FileStream& stream) { return role_of_file(stream.first_file, cameras) == role; });
   for (const std::string& expression : expressions) {
     const std::regex wanted(expression);
     Streams found =
@@ -106,7 +108,7 @@ class Guesser {
   }
 
   SortedFiles footage_of(const std::vector<std::string>& cameras) const {
-    return best_files(matching(streams_, hints_.videos, FileRole::footage), cameras);
+    return best_files(matching(streams_, hints_.videos, FileRole::footage, cameras), cameras);
   }
 
   // ---- the calibration ----
@@ -468,7 +470,7 @@ class Guesser {
 
   void find_masks() {
     if (guess_.capture.sequences.empty()) return;
-    const SortedFiles masks = best_files(matching(streams_, hints_.masks, FileRole::masks), names_);
+    const SortedFiles masks = best_files(matching(streams_, hints_.masks, FileRole::masks, names_), names_);
     const SortedFiles empty = empty_files();
     for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) {
       SequenceEntry& entry = guess_.capture.sequences[i];
@@ -525,8 +527,8 @@ class Guesser {
 
   /// One image for each camera is as good as a video, and looks like a stream of frames.
   SortedFiles empty_files() const {
-    const std::vector<std::string> files =
-        filtered(content_.files, [](const std::string& file) { return role_of_file(file) == FileRole::empty; });
+    const std::vector<std::string> files = filtered(
+        content_.files, [&](const std::string& file) { return role_of_file(file, names_) == FileRole::empty; });
     const auto sorted = [&](bool per_frame) {
       return sort_files(filtered(group_streams(files, per_frame),
                                  [](const FileStream& stream) {

@@ -105,8 +105,15 @@ std::string folder_of(const std::string& path) {
   return slash == std::string::npos ? "" : path.substr(0, slash);
 }
 
-FileRole role_of_file(const std::string& path) {
-  const auto has_word = [words = words_of(path)](const Words& wanted) {
+FileRole role_of_file(const std::string& path, const std::vector<std::string>& cameras) {
+  std::vector<NameWord> words = words_of(path);
+  const auto same = [](const NameWord& a, const NameWord& b) { return a.text == b.text; };
+  for (const std::string& camera : cameras) {
+    const std::vector<NameWord> own = words_of(camera);
+    const auto found = std::search(words.begin(), words.end(), own.begin(), own.end(), same);
+    if (found != words.end()) words.erase(found, found + static_cast<std::ptrdiff_t>(own.size()));
+  }
+  const auto has_word = [&](const Words& wanted) {
     return std::any_of(words.begin(), words.end(), [&](const NameWord& word) { return wanted.count(word.text) > 0; });
   };
   if (has_word(kUnusedWords)) return FileRole::unused;

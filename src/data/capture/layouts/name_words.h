@@ -40,7 +40,8 @@ enum class FileRole {
   empty,   ///< the empty scene: empty, background, ...
   unused,  ///< images of calibration boards, depth, drawings, ...
 };
-FileRole role_of_file(const std::string& path);
+/// @param cameras names whose words are those of the camera and not of a role, as in a camera "alpha"
+FileRole role_of_file(const std::string& path, const std::vector<std::string>& cameras = {});
 
 /// The words of a path, or of a sequence (`CameraMatch::sequence`), that tell one sequence from another: without the
 /// words of roles and kinds (videos, masks, cam, openpose, ...).

@@ -12,6 +12,7 @@
 #include "doppel/core/path_pattern.h"
 #include "doppel/core/text_reader.h"
 #include "doppel/data/capture/layouts/name_words.h"
+#include "doppel/data/capture/video.h"
 
 namespace doppel {
 
@@ -202,6 +203,21 @@ std::vector<std::string> common_cameras(const std::vector<FoundSequence>& sequen
   return names.size() == all.size() ? std::vector<std::string>() : names;
 }
 
+/// Takes the frame rate of the first video, and tells it where it is not the usual one.
+void find_rate(const FoundSequence& sequence, CaptureGuess& guess) {
+  Capture& capture = guess.capture;
+  const std::string path = expand_pattern(sequence.videos.path, static_cast<int>(*sequence.cameras.begin()), "", 0);
+  double fps = 0.0;
+  try {
+    fps = inspect_footage((capture.root / path).string()).fps;
+  } catch (const Error&) {  // whoever reads the video tells what is wrong with it
+  }
+  if (fps <= 0.0 || fps == capture.fps) return;
+  guess.found.push_back(
+      fmt::format("fps: {:.6g}, from {} (datasets of this layout usually have {:.6g})", fps, path, capture.fps));
+  capture.fps = fps;
+}
+
 CaptureGuess guess_studio(const StudioRelease& release, const FolderListing& listing) {
   CaptureGuess guess;
   guess.complete = true;
@@ -222,6 +238,7 @@ CaptureGuess guess_studio(const StudioRelease& release, const FolderListing& lis
                                       entry.motion.empty() ? "none" : entry.motion, entry.cuts.size()));
     capture.sequences.push_back(std::move(entry));
   }
+  find_rate(sequences[0], guess);
   const std::vector<Camera> cameras = read_posed_cameras(listing.full(capture.calibration));
   capture.cameras = common_cameras(sequences, cameras);
   if (capture.cameras.empty() && sequences[0].cameras.size() < cameras.size())

@@ -147,6 +147,15 @@ TEST(CaptureGuess, FoldersOfImages) {
   EXPECT_THAT(all_of(guess.missing), HasSubstr("no frame rate"));
 }
 
+TEST(CaptureGuess, NamesOfCamerasAreNoRoles) {
+  const CaptureGuess guess = guess_capture(
+      folder_of({"alpha.mp4", "Depth_2.mp4", "masks/alpha.mp4", "masks/Depth_2.mp4", "bg/alpha.png", "bg/Depth_2.png"},
+                {calibration_of({"alpha", "Depth_2"})}));
+  ASSERT_EQ(guess.capture.sequences.size(), 1u) << all_of(guess.missing);
+  EXPECT_EQ(guess.capture.sequences[0].videos, "{name}.mp4");
+  EXPECT_EQ(guess.capture.sequences[0].masks, "masks/{name}.mp4");
+}
+
 TEST(CaptureGuess, AFolderPerFrame) {
   std::vector<std::string> files;
   for (const std::string frame : {"0001", "0002", "0003"})
