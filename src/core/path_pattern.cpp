@@ -67,6 +67,11 @@ std::string expand_camera(const std::string& pattern, int camera, const std::str
   });
 }
 
+void check_without_braces(const std::string& folder) {
+  if (folder.find_first_of("{}") != std::string::npos)
+    fail("the path {} has braces, which stand for placeholders in the paths of a capture; rename the folder", folder);
+}
+
 bool has_frame_placeholder(const std::string& pattern) {
   return pattern.find("{frame}") != std::string::npos || pattern.find("{frame:") != std::string::npos;
 }

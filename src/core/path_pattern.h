@@ -15,6 +15,8 @@ std::string expand_pattern(const std::string& pattern, int camera, const std::st
                            std::optional<long> frame = std::nullopt);
 /// As above, but leaves `{frame...}` unchanged.
 std::string expand_camera(const std::string& pattern, int camera, const std::string& name);
+/// @throws Error when a path has braces: patterns in that folder would take its name for a placeholder
+void check_without_braces(const std::string& folder);
 /// Whether a pattern contains {frame}.
 bool has_frame_placeholder(const std::string& pattern);
 /// The frames of which a file exists, ascending: the numbers at {frame} in the names of the files, or of the folders

@@ -209,6 +209,7 @@ fs::path read_root(const ConfigReader& reader, const fs::path& folder) {
   // Through symbolic links, as the file system goes: `..` of a link is the folder above its target.
   const fs::path root = folder_path(fs::weakly_canonical(folder / reader.get("root", ".")));
   if (!fs::is_directory(root)) reader.fail_at_key("root", "the folder {} does not exist", root.string());
+  check_without_braces(root.string());
   return root;
 }
 

@@ -2,6 +2,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/core/path_pattern.h"
 #include "doppel/data/capture/layouts/dataset_layout.h"
 #include "doppel/data/capture/layouts/studio_layout.h"
 
@@ -113,6 +114,9 @@ Capture find_capture(const fs::path& path) {
   return std::move(recognised->capture);
 }
 
-CaptureGuess guess_folder(const fs::path& folder) { return first_guess(folder, false).value(); }
+CaptureGuess guess_folder(const fs::path& folder) {
+  check_without_braces(fs::absolute(folder).string());
+  return first_guess(folder, false).value();
+}
 
 }  // namespace doppel

@@ -20,7 +20,7 @@ Capture find_capture(const std::filesystem::path& path);
 
 /// The capture that a folder may become, whatever lies in it: the first layout that it has, else a guess by the names
 /// of videos, images and cameras. Ignores its capture.yaml.
-/// @throws Error when `folder` is not a folder, or holds more than 500,000 files
+/// @throws Error when `folder` is not a folder, has braces in its path, or holds more than 500,000 files
 CaptureGuess guess_folder(const std::filesystem::path& folder);
 
 }  // namespace doppel

@@ -312,6 +312,15 @@ void touch_calibration(const fs::path& path, int count) {
   write_calibration(path, cameras);
 }
 
+TEST(LayoutReference, FoldersWithBracesAreRefused) {
+  const support::TemporaryFolder folder;
+  const fs::path braces = folder / "anna {2}";
+  fs::create_directories(braces);
+  EXPECT_THAT(message_of<Error>([&] { guess_folder(braces); }), HasSubstr("has braces"));
+  touch(braces / "capture.yaml", "doppel_capture: 1\nname: anna\n");
+  EXPECT_THAT(message_of<Error>([&] { find_capture(braces); }), HasSubstr("has braces"));
+}
+
 TEST(LayoutReference, RecognisesAsh) {
   const support::TemporaryFolder folder;
   touch_calibration(folder / "meta_data/Subject/cameras.calibration", 3);

@@ -547,13 +547,18 @@ class Guesser {
       if (content_.keypoint_maps.count(stream.first_file) > 0)
         (stream.kind == FileKind::table ? tables : files).push_back(stream);
     std::set<std::string> folders;  // whose files may be one for each camera, and not for each frame
-    for (const FileStream& stream : files)
-      if (stream.files == static_cast<long>(names_.size())) folders.insert(folder_of(stream.first_file));
+    bool are_whole = false;         // whether such files hold several frames
+    for (const FileStream& stream : files) {
+      const auto frames = content_.keypoint_frames.find(stream.first_file);
+      const bool whole = frames != content_.keypoint_frames.end() && frames->second.first < frames->second.second;
+      are_whole |= whole && stream.per_frame;
+      if (whole || stream.files == static_cast<long>(names_.size())) folders.insert(folder_of(stream.first_file));
+    }
     for (const FileStream& stream : group_streams(content_.files, false))
       if (stream.kind == FileKind::json && folders.count(folder_of(stream.path)) > 0) singles.push_back(stream);
     SortedFiles sequences = sort_files(files, names_);
-    if (SortedFiles by_camera = sort_files(singles, names_); by_camera.most_cameras() > sequences.most_cameras())
-      sequences = by_camera;
+    SortedFiles by_camera = sort_files(singles, names_);
+    if (by_camera.most_cameras() + (are_whole ? 1 : 0) > sequences.most_cameras()) sequences = std::move(by_camera);
     for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) set_keypoints(i, sequences, tables);
     choose_map(files);
     find_joints();

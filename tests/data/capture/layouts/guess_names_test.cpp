@@ -117,6 +117,23 @@ class GuessedNames : public ::testing::Test {
 
 // ---- names of cameras ----
 
+TEST_F(GuessedNames, KeypointsOfEachTakeInAFileForEachCamera) {
+  std::vector<std::string> images;
+  for (int f = 0; f < kFrames; ++f) images.push_back(fmt::format("{:06}.jpg", f));
+  for (int take = 1; take <= 3; ++take)
+    for (int camera = 0; camera < 2; ++camera) {
+      video(fmt::format("take{}_cam{}.mp4", take, camera));
+      text(fmt::format("keypoints/take{}_cam{}.json", take, camera), alphapose_file(images));
+    }
+  const CaptureGuess found = guess();
+  ASSERT_EQ(found.capture.sequences.size(), 3u) << all_of(found.found);
+  for (int take = 1; take <= 3; ++take)
+    EXPECT_EQ(found.capture.sequences[static_cast<std::size_t>(take - 1)].keypoints,
+              fmt::format("keypoints/take{}_{{name}}.json", take))
+        << all_of(found.found) << all_of(found.missing);
+  expect_points_of_frame(found, 5, 5);
+}
+
 TEST_F(GuessedNames, OneFolderPerCameraAndNamesByTheCamera) {
   video("cam0/GX010500.MP4");
   video("cam1/GX010507.MP4");
