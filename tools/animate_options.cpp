@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "doppel/core/error.h"
+#include "number_checks.h"
 
 namespace doppel::tools {
 
@@ -97,7 +98,7 @@ void add_motion_options(CLI::App& app, AnimateOptions& options) {
       ->check(CLI::IsMember({"x", "y", "z"}));
   app.add_option("--unit", options.unit,
                  "Metres per unit of length of the file (default: as it says, or guessed by its size)")
-      ->check(CLI::PositiveNumber);
+      ->check(above_zero());
   app.add_option(
          "--source-fps", options.source_fps,
          "Frames per second of a file that states none (.motion: default as listed by `doppel character import`, "
@@ -127,7 +128,9 @@ void add_camera_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--calibration", options.calibration, "Calibration file, Skeletool or OpenCV")->excludes(capture);
   app.add_option("--video-size", options.size, "Pixels of the longer side (default: 512 for orbit, else as calibrated)")
       ->check(CLI::Range(16, 4096));
-  app.add_option("--turns-per-second", options.turns_per_second, "Speed of the orbiting camera")->capture_default_str();
+  app.add_option("--turns-per-second", options.turns_per_second, "Speed of the orbiting camera")
+      ->check(CLI::Range(-10.0, 10.0))
+      ->capture_default_str();
 }
 
 void add_image_options(CLI::App& app, AnimateOptions& options) {

@@ -10,9 +10,9 @@
 #include <optional>
 #include <string>
 
+#include "calibrate_rig.h"
 #include "calibrate_subcommands.h"
 #include "detect_sources.h"
-#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
@@ -21,6 +21,7 @@
 #include "doppel/detect/keypoints/frame_names.h"
 #include "doppel/geometry/image_file.h"
 #include "doppel/geometry/image_orientation.h"
+#include "number_checks.h"
 
 namespace doppel::tools {
 
@@ -130,17 +131,16 @@ long frames_between(const std::vector<BoardSource>& sources, long every) {
   return shortest == std::numeric_limits<long>::max() ? 1 : std::max(1L, shortest / kFramesOfVideo);
 }
 
-Json json_of(const BoardCalibration& found, const std::vector<BoardSightings>& seen, const BoardArguments& arguments) {
+Json json_of(const BoardCalibration& found, const BoardArguments& arguments) {
   Json report{{"board", arguments.board},
               {"out", arguments.out},
               {"rms_px", found.rms},
               {"cameras", Json::array()},
               {"notes", found.notes}};
-  for (std::size_t c = 0; c < found.cameras.size(); ++c) {
-    const BoardCamera& camera = found.cameras[c];
+  for (const BoardCamera& camera : found.cameras) {
     const Eigen::Matrix3d& K = camera.intrinsics.camera.K;
     report["cameras"].push_back({{"name", camera.intrinsics.camera.name},
-                                 {"boards", seen[c].views.size()},
+                                 {"boards", camera.boards},
                                  {"views", camera.intrinsics.views},
                                  {"shared", camera.shared},
                                  {"fx", K(0, 0)},
@@ -155,14 +155,13 @@ Json json_of(const BoardCalibration& found, const std::vector<BoardSightings>& s
   return report;
 }
 
-void print_table(const BoardCalibration& found, const std::vector<BoardSightings>& seen) {
+void print_table(const BoardCalibration& found) {
   std::printf("%-16s %7s %7s %7s %20s %10s %10s\n", "camera", "boards", "used", "shared", "focal length (px)",
               "rms (px)", "pose (px)");
-  for (std::size_t c = 0; c < found.cameras.size(); ++c) {
-    const BoardCamera& camera = found.cameras[c];
-    std::printf("%-16s %7zu %7zu %7zu %11.1f +- %5.1f %10.3f ", camera.intrinsics.camera.name.c_str(),
-                seen[c].views.size(), camera.intrinsics.views, camera.shared, camera.intrinsics.camera.K(0, 0),
-                camera.intrinsics.focal_sigma, camera.intrinsics.rms);
+  for (const BoardCamera& camera : found.cameras) {
+    std::printf("%-16s %7zu %7zu %7zu %11.1f +- %5.1f %10.3f ", camera.intrinsics.camera.name.c_str(), camera.boards,
+                camera.intrinsics.views, camera.shared, camera.intrinsics.camera.K(0, 0), camera.intrinsics.focal_sigma,
+                camera.intrinsics.rms);
     if (camera.posed)
       std::printf("%10.3f\n", camera.rms);
     else
@@ -172,6 +171,7 @@ void print_table(const BoardCalibration& found, const std::vector<BoardSightings
 
 int run_board(const BoardArguments& arguments, const CommonOptions& common) {
   const Board board = parse_board(arguments.board);
+  check_calibration_target(arguments.out, arguments.format, true);
   const std::vector<BoardSource> sources = board_sources(arguments);
   const long every = frames_between(sources, arguments.every);
   std::vector<BoardSightings> seen;
@@ -188,13 +188,18 @@ int run_board(const BoardArguments& arguments, const CommonOptions& common) {
   if (!any_posed)
     log::warn("no camera has a pose: {} holds intrinsics alone", arguments.out);
   else if (cameras.size() < found.cameras.size())
-    found.notes.emplace_back("cameras without a pose are not in the file");
-  write_calibration(arguments.out, cameras, arguments.format);
+    found.notes.emplace_back(
+        "cameras without a pose are not in the file; run the command for them alone, with another --out, to get "
+        "their intrinsics and the poses among them");
+  if (any_posed)
+    write_result(arguments.out, cameras, arguments.format);
+  else
+    write_result(arguments.out, cameras, arguments.format, write_intrinsics);
   if (common.json) {
-    std::printf("%s\n", json_of(found, seen, arguments).dump(2).c_str());
+    std::printf("%s\n", json_of(found, arguments).dump(2).c_str());
     return 0;
   }
-  print_table(found, seen);
+  print_table(found);
   for (const std::string& note : found.notes) std::printf("note: %s\n", note.c_str());
   std::printf("written: %s\n", arguments.out.c_str());
   return 0;
@@ -218,7 +223,7 @@ Command add_calibrate_board(CLI::App& calibrate) {
   app->add_option("--names", arguments->names, "Names of the cameras (default: the names of the files or folders)")
       ->delimiter(',');
   app->add_option("--every", arguments->every, "Look at every N-th frame of a video (default: about 120 frames)")
-      ->check(CLI::PositiveNumber);
+      ->check(above_zero());
   app->add_option("--floor", arguments->floor, "Frame at which the board lies on the floor: its plane becomes y = 0");
   app->add_flag("--fisheye", arguments->fisheye, "Fisheye lenses");
   app->footer(

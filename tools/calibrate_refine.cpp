@@ -7,7 +7,6 @@
 #include "calibrate_subcommands.h"
 #include "doppel/calibration/estimation/find_moved_cameras.h"
 #include "doppel/calibration/estimation/refine_rig.h"
-#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/angles.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
@@ -139,6 +138,8 @@ int run_refine(const RefineArguments& arguments, const CommonOptions& common) {
   options.focal = arguments.focal;
   options.principal_point = arguments.principal_point;
   options.fixed = indices_of(arguments.fixed, footage);
+  const std::filesystem::path out = calibration_to_write(footage.capture, arguments.out, "_refined");
+  check_refined_target(out, footage.capture);
   const std::vector<RigTake> takes = read_takes(footage, arguments, options.most_times);
   const RigRefinement found = refine_rig(footage.filmed.cameras, takes, options);
   warn_of_large_changes(found);
@@ -146,14 +147,14 @@ int run_refine(const RefineArguments& arguments, const CommonOptions& common) {
   if (found.cameras.size() >= 3)
     for (const RigTake& take : takes)
       for (const MovedCamera& camera : find_moved_cameras(found.cameras, take.tracks)) moved.push_back(camera);
-  const std::filesystem::path out = calibration_to_write(footage.capture, arguments.out, "_refined");
-  write_calibration(out, all_cameras(footage, found.cameras));
+  write_result(out, all_cameras(footage, found.cameras));
   if (common.json) {
     std::printf("%s\n", json_of(found, moved, out.string()).dump(2).c_str());
     return 0;
   }
   print_table(found, moved, arguments.focal);
   std::printf("written: %s\n", out.string().c_str());
+  print_keys_to_remove(footage.capture);
   return 0;
 }
 

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <set>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_path.h"
 #include "doppel/core/log.h"
 #include "doppel/data/capture/filmed_sequence.h"
 #include "doppel/data/capture/find_capture.h"
@@ -95,6 +97,34 @@ std::vector<OutlineTrack> read_first_outlines(const RigFootage& footage) {
 std::filesystem::path calibration_to_write(const Capture& capture, const std::string& out, const std::string& ending) {
   return out.empty() ? folder_of(capture) / (capture.calibration_path().stem().string() + ending + ".yml")
                      : std::filesystem::path(out);
+}
+
+void check_refined_target(const std::filesystem::path& out, const Capture& capture) {
+  const std::vector<Camera> cameras = calibrated_cameras(capture);
+  check_calibration_target(
+      out, "", std::any_of(cameras.begin(), cameras.end(), [](const Camera& c) { return c.has_distortion(); }));
+}
+
+void write_result(const std::filesystem::path& out, const std::vector<Camera>& cameras, const std::string& format,
+                  const CalibrationWriting& write) {
+  try {
+    write(out, cameras, format);
+  } catch (const Error& error) {
+    const std::string beside = folder_path(out).string() + ".yml";
+    if (std::filesystem::exists(beside)) throw;
+    write(beside, cameras, "opencv");
+    fail("{}; the cameras were written to {} instead", error.what(), beside);
+  }
+}
+
+void print_keys_to_remove(const Capture& capture) {
+  const CalibrationOptions& keys = capture.calibration_options;
+  if (keys.unit.empty() && keys.up.empty()) return;
+  const char* names = keys.up.empty() ? "key `unit`" : keys.unit.empty() ? "key `up`" : "keys `unit` and `up`";
+  std::printf(
+      "note: the capture's %s would change how this file is read, which is in metres with y up. Remove it from the "
+      "capture when you name this file there, or use `doppel capture amend --calibration`, which removes it\n",
+      names);
 }
 
 std::filesystem::path folder_of(const Capture& capture) {

@@ -1,15 +1,20 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "doppel/calibration/estimation/outline_tracks.h"
 #include "doppel/calibration/estimation/point_tracks.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/data/capture/capture.h"
 #include "doppel/data/capture/capture_cameras.h"
 
 namespace doppel::tools {
+
+using CalibrationWriting =
+    std::function<void(const std::filesystem::path&, const std::vector<Camera>&, const std::string& format)>;
 
 /// What `doppel calibrate sync`, `refine` and `world` work on: a sequence of a capture and what its cameras saw of the
 /// person.
@@ -39,5 +44,15 @@ std::vector<OutlineTrack> read_first_outlines(const RigFootage& footage);
 std::filesystem::path folder_of(const Capture& capture);
 /// `out`, or without it NAME`ending`.yml in this folder, NAME being that of the capture's calibration.
 std::filesystem::path calibration_to_write(const Capture& capture, const std::string& out, const std::string& ending);
+
+/// `check_calibration_target` for cameras that are about to be refined. @throws as it
+void check_refined_target(const std::filesystem::path& out, const Capture& capture);
+/// Writes a result that took long. When this fails, the cameras are written to `out`.yml instead.
+/// @param format empty: by the extension @param write write_calibration or write_intrinsics
+/// @throws Error with the reason and the name of the file that was written instead
+void write_result(const std::filesystem::path& out, const std::vector<Camera>& cameras, const std::string& format = "",
+                  const CalibrationWriting& write = write_calibration);
+/// Says how to use the calibration that was written, where keys of the capture would change how it is read.
+void print_keys_to_remove(const Capture& capture);
 
 }  // namespace doppel::tools

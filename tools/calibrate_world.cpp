@@ -6,7 +6,6 @@
 #include "calibrate_rig.h"
 #include "calibrate_subcommands.h"
 #include "doppel/calibration/estimation/world_by_person.h"
-#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/angles.h"
 #include "doppel/detect/keypoints/keypoints.h"
 
@@ -32,6 +31,8 @@ BodyPointIndices indices_of(const std::vector<std::string>& names) {
 
 int run_world(const WorldArguments& arguments, const CommonOptions& common) {
   RigFootage footage = open_rig_footage(arguments.capture, arguments.sequence);
+  const std::filesystem::path out = calibration_to_write(footage.capture, arguments.out, "_world");
+  check_refined_target(out, footage.capture);
   read_tracks(footage);
   WorldOptions options;
   if (arguments.height > 0.0) options.stature = arguments.height;
@@ -39,8 +40,7 @@ int run_world(const WorldArguments& arguments, const CommonOptions& common) {
       world_by_person(footage.filmed.cameras, footage.tracks, indices_of(footage.tracks.points), options);
   std::vector<Camera> cameras = calibrated_cameras(footage.capture);
   for (Camera& camera : cameras) camera = transformed(camera, found.world);
-  const std::filesystem::path out = calibration_to_write(footage.capture, arguments.out, "_world");
-  write_calibration(out, cameras);
+  write_result(out, cameras);
   if (common.json) {
     const nlohmann::ordered_json report{{"out", out.string()},        {"scale", found.world.scale},
                                         {"scaled", found.scaled},     {"turn_deg", found.turn / kRadiansPerDegree},
@@ -56,6 +56,7 @@ int run_world(const WorldArguments& arguments, const CommonOptions& common) {
     std::printf("unit       metres, as it was\n");
   std::printf("floor      y = 0; standing feet are %.0f mm off (root mean square)\n", 1000.0 * found.floor_spread);
   std::printf("written: %s\n", out.string().c_str());
+  print_keys_to_remove(footage.capture);
   return 0;
 }
 

@@ -9,6 +9,7 @@
 #include "doppel/core/error.h"
 #include "doppel/data/capture/vertex_labels.h"
 #include "doppel/layers/surface.h"
+#include "number_checks.h"
 
 namespace doppel::tools {
 namespace {
@@ -70,7 +71,7 @@ Command add_character_label(CLI::App& character) {
   CLI::Option* motion = app->add_option("--motion", options->motion,
                                         "Motion that contains the pose of the images (default: the rest pose)");
   app->add_option("--frame", options->frame, "Frame of --motion that the images show")
-      ->check(CLI::NonNegativeNumber)
+      ->check(not_negative())
       ->needs(motion)
       ->capture_default_str();
   app->add_option("--out", options->out,

@@ -1,5 +1,9 @@
+#include <algorithm>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -12,13 +16,17 @@
 #include "doppel/actor/run_stages.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
 #include "doppel/data/capture/capture.h"
+#include "doppel/eval/flicker.h"
+#include "doppel/eval/ground_truth.h"
 #include "doppel/eval/image_metrics.h"
 #include "doppel/eval/lpips.h"
 #include "doppel/eval/pose_evaluation.h"
 #include "doppel/eval/tracked_evaluation.h"
 #include "doppel/train/stage_chain.h"
 #include "doppel/train/stage_table.h"
+#include "number_checks.h"
 #include "shared_work.h"
 
 namespace doppel::tools {
@@ -41,12 +49,24 @@ struct EvaluateArguments {
   TrackedEvaluationOptions options;
 };
 
-std::vector<Split> splits_to_evaluate(const Dataset& dataset, const std::string& word) {
+/// Whether a split has one of these frames, or any when none is named.
+bool has_frames(const Dataset& dataset, Split split, const std::vector<long>& frames) {
+  const std::vector<SampleId> samples = dataset.samples(split);
+  return std::any_of(samples.begin(), samples.end(), [&](const SampleId& sample) {
+    return frames.empty() || std::find(frames.begin(), frames.end(), sample.frame) != frames.end();
+  });
+}
+
+/// @param frames rows of the motions; empty: all. `all` stands for the splits that have one of them.
+std::vector<Split> splits_to_evaluate(const Dataset& dataset, const std::string& word,
+                                      const std::vector<long>& frames) {
   if (word != "all") return {parse_split(word)};
-  std::vector<Split> splits;
-  for (Split split : {Split::train, Split::validation, Split::test})
-    if (!dataset.samples(split).empty()) splits.push_back(split);
-  return splits;
+  std::vector<Split> all, chosen;
+  for (const Split split : {Split::train, Split::validation, Split::test}) {
+    if (has_frames(dataset, split, {})) all.push_back(split);
+    if (has_frames(dataset, split, frames)) chosen.push_back(split);
+  }
+  return chosen.empty() ? all : chosen;  // the protocol names the frame that is nowhere
 }
 
 /// The subject of an evaluation: a trained actor, a trained pose network, tracked sequences, or a character alone.
@@ -219,6 +239,29 @@ void describe_run(const Subject& subject, const Dataset& dataset, const Evaluate
   protocol["trained_on_cameras"] = subject.pose ? subject.pose->trained_on_cameras : subject.actor->trained_on_cameras;
 }
 
+/// Adds figures to those that are left out of a split.
+void leave_out(Json& protocol, Split split, const std::string& what) {
+  Json& text = protocol["left_out"][to_string(split)];
+  text = text.is_string() ? text.get<std::string>() + "; " + what : what;
+}
+
+/// Leaves out the figures of true surfaces that belong to another character, and flicker without consecutive frames.
+void leave_out_unmeasurable(const Subject& subject, const Dataset& dataset, const std::vector<Split>& splits,
+                            TrackedEvaluationOptions& options, Json& protocol) {
+  const std::string other = ground_truth_of_another_character(dataset, splits, subject.character().num_vertices());
+  if (!other.empty()) {
+    log::warn("{}; the figures of the true surface are left out", other);
+    options.ground_truth = false;
+  }
+  for (const Split split : splits) {
+    if (!other.empty()) leave_out(protocol, split, "vertex error and other figures of the true surface: " + other);
+    if (options.flicker && !has_flicker(dataset, split, options))
+      leave_out(protocol, split,
+                "flicker: no two consecutive frames show the person in the compared cameras, of which the later one "
+                "is evaluated");
+  }
+}
+
 /// Adds the conditions of tracked sequences to the protocol.
 void describe_tracked(const EvaluateArguments& arguments, const Dataset& dataset, const TrackedRun& tracked,
                       const TrackedEvaluationOptions& options, const std::vector<Split>& splits, Json& protocol) {
@@ -250,19 +293,78 @@ Json rows_by_split(const std::vector<Measurement>& measurements, const Json& res
   return splits;
 }
 
+/// @throws UsageError for a word that is no split; before anything is read
+void check_split_word(const std::string& word) {
+  const std::vector<std::string>& words = split_words();
+  if (word != "all" && std::find(words.begin(), words.end(), word) == words.end())
+    fail<UsageError>("--split: '{}' is not a split; give train, validation, test or all", word);
+}
+
+/// @throws Error when a file could not be written; leaves what is there as it is
+void check_file_writable(const fs::path& file) {
+  struct Writable {};
+  try {
+    write_atomically(file, [&](const fs::path& temporary) {
+      std::ofstream stream(temporary);
+      if (!stream) fail("writing {}: {}", file.string(), std::strerror(errno));
+      throw Writable();  // so that the file is not replaced
+    });
+  } catch (const Writable&) {
+  }
+}
+
+/// Checks before the first measurement that the results can be written. Beside those of --out, the copy in the run's
+/// folder may be missing.
+void check_writable(const EvaluateArguments& arguments) {
+  if (!arguments.out.empty()) return check_file_writable(arguments.out / "evaluation.json");
+  if (arguments.run.empty()) return;
+  try {
+    check_file_writable(RunFolder(arguments.run).evaluation());
+  } catch (const Error& e) {
+    fail("{}; --run writes the results there. Give --out FOLDER to have them in another folder", e.what());
+  }
+}
+
+/// Writes the results into the folder of the run, for its report.
+void write_to_run(const EvaluateArguments& arguments, const Json& evaluation) {
+  try {
+    write_atomically(RunFolder(arguments.run).evaluation(), evaluation.dump(2) + "\n");
+    write_run_report(arguments.run);
+  } catch (const std::exception& e) {
+    if (arguments.out.empty()) throw;
+    log::warn("{} has no copy of the results: {}", arguments.run, e.what());
+  }
+}
+
+void print_evaluation(const CommonOptions& common, const Json& evaluation) {
+  std::printf("%s", common.json ? (evaluation.dump() + "\n").c_str() : evaluation_table(evaluation).c_str());
+}
+
+/// What is known to fail or to mislead is said before the first measurement.
+void check_subject(const Subject& subject, const Dataset& dataset, const std::vector<Split>& splits,
+                   const TrackedEvaluationOptions& options) {
+  if (!subject.tracked) return;
+  if (const std::string other = subject.tracked->other_capture(dataset.capture()); !other.empty())
+    log::warn("--tracked: {}; the figures are right only if both are the same recording", other);
+  for (const Split split : splits) check_tracked(dataset, *subject.tracked, split, options);
+}
+
 int run(const EvaluateArguments& arguments, const CommonOptions& common) {
+  check_split_word(arguments.split);
   fs::path capture;
   Subject subject = load_subject(arguments, capture);
   const Dataset dataset = subject.pose    ? subject.pose->subject.open_dataset()
                           : subject.actor ? subject.actor->subject.open_dataset()
                                           : Dataset::open(capture);
-  const TrackedEvaluationOptions options =
+  TrackedEvaluationOptions options =
       with_measurements(subject, arguments, with_input_camera(subject, dataset, arguments.options));
-  const std::vector<Split> splits = splits_to_evaluate(dataset, arguments.split);
+  const std::vector<Split> splits = splits_to_evaluate(dataset, arguments.split, options.frames);
   Json evaluation;
   evaluation["protocol"] = evaluation_protocol(dataset, splits, options);
   if (subject.tracked) describe_tracked(arguments, dataset, *subject.tracked, options, splits, evaluation["protocol"]);
   if (!subject.untrained) describe_run(subject, dataset, arguments, options, splits, evaluation["protocol"]);
+  leave_out_unmeasurable(subject, dataset, splits, options, evaluation["protocol"]);
+  check_subject(subject, dataset, splits, options);
   std::vector<Measurement> measurements;
   for (const Split split : splits) add_measurements(dataset, subject, split, options, measurements);
   begin_work(common, arguments.out, [&] { return evaluation_inputs(evaluation["protocol"], capture); });
@@ -270,17 +372,14 @@ int run(const EvaluateArguments& arguments, const CommonOptions& common) {
     const Json results = evaluate_shard(measurements, *common.shard);
     finish_work(common, arguments.out, results);
     evaluation["splits"] = rows_by_split(measurements, results);
-    std::printf("%s", common.json ? (evaluation.dump() + "\n").c_str() : evaluation_table(evaluation).c_str());
+    print_evaluation(common, evaluation);
     return 0;
   }
+  check_writable(arguments);
   evaluation["splits"] = evaluate_splits(measurements, common.merged);
+  if (common.merged.empty()) print_evaluation(common, evaluation);  // first: a folder may turn out not to be writable
   if (!arguments.out.empty()) write_atomically(arguments.out / "evaluation.json", evaluation.dump(2) + "\n");
-  if (!subject.untrained) {
-    write_atomically(RunFolder(arguments.run).evaluation(), evaluation.dump(2) + "\n");
-    write_run_report(arguments.run);
-  }
-  if (!common.merged.empty()) return 0;
-  std::printf("%s", common.json ? (evaluation.dump() + "\n").c_str() : evaluation_table(evaluation).c_str());
+  if (!subject.untrained) write_to_run(arguments, evaluation);
   return 0;
 }
 
@@ -302,19 +401,20 @@ Command add_evaluate(CLI::App& program) {
   app->add_option("--smoothing", arguments->options.smoothing,
                   "With --tracked: sigma, in frames, of the Gaussian over five frames (0: none)")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(not_negative());
   app->add_option("--split", arguments->split, "train, validation, test or all")->capture_default_str();
   app->add_option("--cameras", arguments->options.cameras, "Names of cameras (default: all)")->delimiter(',');
   app->add_option(
       "--input-camera", arguments->options.input_camera,
       "Camera that the method saw: the images of PoseNet and DefNet (default: the first of --cameras), or of "
       "--tracked, whose surfaces are then compared at the true position");
-  app->add_option("--frames", arguments->options.frames,
-                  "Frames to evaluate, as rows of the motions (default: set by --every)")
-      ->delimiter(',');
+  CLI::Option* frames = app->add_option("--frames", arguments->options.frames,
+                                        "Frames to evaluate, as rows of the motions (default: set by --every)")
+                            ->delimiter(',');
   app->add_option("--every", arguments->options.every, "Evaluate every n-th frame")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+      ->check(above_zero())
+      ->excludes(frames);
   app->add_flag("--whole-frames", arguments->options.whole_frames,
                 "Compare drawings with the whole images of the capture too, at the camera's resolution (slow)");
   app->add_flag("--flicker", arguments->options.flicker,

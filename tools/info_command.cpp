@@ -21,6 +21,7 @@
 #include "doppel/geometry/topology.h"
 #include "info_files.h"
 #include "key_tables.h"
+#include "number_checks.h"
 #include "versions.h"
 
 namespace doppel::tools {
@@ -473,7 +474,7 @@ Command add_info(CLI::App& program) {
       ->check(CLI::IsMember({"hops", "geodesic"}))
       ->capture_default_str();
   app->add_option("--metres-per-unit", options->metres_per_unit, "Unit of an OBJ file that is read without a character")
-      ->check(CLI::PositiveNumber)
+      ->check(above_zero())
       ->capture_default_str();
   app->add_option("--unit", options->unit, "Unit of a calibration, if the file does not state it: m, cm or mm");
   app->add_option("--up", options->up,

@@ -14,6 +14,7 @@
 #include "doppel/character/character_folder.h"
 #include "doppel/character/motion.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/folder_path.h"
@@ -355,7 +356,7 @@ class Make {
   }
 
   std::vector<std::string> training(const std::string& folder, const std::vector<std::string>& settings) const {
-    std::vector<std::string> words{"train", out("recipe.yaml"), "--set", "capture=" + out("prepared")};
+    std::vector<std::string> words{"train", out("recipe.yaml"), "--set", text_override("capture", out("prepared"))};
     for (const std::vector<std::string>& list : {recipe_.settings, settings})
       for (const std::string& setting : list) words.insert(words.end(), {"--set", setting});
     words.insert(words.end(), {"--out", out(folder)});

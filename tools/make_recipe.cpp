@@ -15,7 +15,8 @@ namespace doppel::tools {
 namespace {
 
 constexpr double kRecipeFrames = 300.0, kMaxFactor = 8.0;
-constexpr long kMinSteps = 50;  // a stage of fewer steps has no end of its schedule
+constexpr long kMinSteps = 50;       // a stage of fewer steps has no end of its schedule
+constexpr long kStepsOfWarmup = 10;  // a tenth of the steps
 
 // Where the poses are tracked, they are some pixels off. Outlines of few cameras do not show where clothes slide: the
 // recipe's EGNet would pull the surface along itself, TexNet's finer texels would blur what then disagrees, and the
@@ -42,8 +43,11 @@ MakeRecipe make_recipe(bool tracked) {
   recipe.text = builtin_text("ddc") + gaussians.substr(section);
   if (tracked) recipe.settings.assign(kFilmSettings.begin(), kFilmSettings.end());
   const ConfigReader root = ConfigDocument::parse(recipe.text, "recipe.yaml", recipe.settings).root();
-  for (const char* stage : {"egnet", "lighting", "deltanet", "texnet", "gaussians"})
-    recipe.steps.emplace_back(stage, root.section(stage).section("train").get<long>("iterations"));
+  for (const char* stage : {"egnet", "lighting", "deltanet", "texnet", "gaussians"}) {
+    const ConfigReader train = root.section(stage).section("train");
+    recipe.steps.emplace_back(stage, train.get<long>("iterations"));
+    recipe.warmup[stage] = train.get<long>("warmup", 0);
+  }
   return recipe;
 }
 
@@ -54,9 +58,13 @@ std::vector<std::string> fit_recipe(const MakeRecipe& recipe, const std::map<std
   const double most = std::clamp(static_cast<double>(frames) / kRecipeFrames, 1.0, kMaxFactor);
   const double factor = std::min(most, budget / std::max(whole, 1e-9));
   std::vector<std::string> words;
-  for (const auto& [stage, steps] : recipe.steps)
-    words.push_back(fmt::format("{}.train.iterations={}", stage,
-                                std::max(kMinSteps, std::lround(factor * static_cast<double>(steps)))));
+  for (const auto& [stage, steps] : recipe.steps) {
+    const long fitted = std::max(kMinSteps, std::lround(factor * static_cast<double>(steps)));
+    words.push_back(fmt::format("{}.train.iterations={}", stage, fitted));
+    // The learning rate must reach its height and fall again.
+    if (const long warmup = fitted / kStepsOfWarmup; warmup < recipe.warmup.at(stage))
+      words.push_back(fmt::format("{}.train.warmup={}", stage, warmup));
+  }
   return words;
 }
 

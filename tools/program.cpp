@@ -16,6 +16,7 @@
 #include "doppel/core/isa_choice.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
+#include "number_checks.h"
 
 namespace doppel::tools {
 namespace {
@@ -53,6 +54,7 @@ class Program {
                  add_adapt(app_),   add_evaluate(app_), add_merge(app_),     add_compare(app_), add_animate(app_),
                  add_export(app_),  add_view(app_),     add_info(app_)};
     for (Command& command : commands_) add_common_options(command, common_, shard_);
+    refuse_not_finite(app_);
   }
 
   /// @throws CLI::ParseError

@@ -1,9 +1,13 @@
 #include <fmt/core.h>
 
+#include <charconv>
+#include <cstdint>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "command.h"
@@ -23,9 +27,20 @@ struct SynthArguments {
   std::vector<std::string> motions, test_motions;
   int cameras = 0, frames = 0, test_frames = 0, size = 0;
   double turn = 0.0;
-  std::uint64_t seed = 1;
+  std::string seed = "1";
   bool force = false;
 };
+
+/// @throws UsageError for a word that is no number, has a sign, or does not fit
+std::uint64_t seed_of(const std::string& word) {
+  std::uint64_t seed = 0;
+  const char* end = word.data() + word.size();
+  const auto [rest, error] = std::from_chars(word.data(), end, seed);
+  if (error != std::errc() || rest != end)
+    fail<UsageError>("--seed is '{}'; it must be a whole number from 0 to {}", word,
+                     std::numeric_limits<std::uint64_t>::max());
+  return seed;
+}
 
 synth::SynthOptions options_of(const SynthArguments& arguments, const CLI::App& app, const CommonOptions& common) {
   synth::SynthOptions options = synth::SynthOptions::preset(arguments.preset);
@@ -42,7 +57,7 @@ synth::SynthOptions options_of(const SynthArguments& arguments, const CLI::App& 
   options.lens = synth::synth_lens(arguments.lens);
   options.body = arguments.body;
   options.turn = arguments.turn;
-  options.seed = arguments.seed;
+  options.seed = seed_of(arguments.seed);
   options.force = arguments.force;
   options.threads = resolve_threads(common.threads);
   options.shard = common.shard;
@@ -157,7 +172,9 @@ Command add_synth(CLI::App& program) {
   app->add_option("--turn", arguments->turn,
                   "Mean speed at which the person turns, degrees per second (-360 to 360); not with studio")
       ->capture_default_str();
-  app->add_option("--seed", arguments->seed, "Seed of motions, cameras and noise")->capture_default_str();
+  app->add_option("--seed", arguments->seed, "Seed of motions, cameras and noise")
+      ->capture_default_str()
+      ->type_name("UINT");
   app->add_flag("--force", arguments->force,
                 "Replace a synthetic capture in the folder, and remove an unfinished one of other options");
   return {app, [app, arguments](const CommonOptions& common) { return run(*arguments, *app, common); }, true};

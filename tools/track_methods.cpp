@@ -8,6 +8,7 @@
 #include "doppel/core/log.h"
 #include "doppel/data/capture/find_capture.h"
 #include "doppel/track/track_results.h"
+#include "number_checks.h"
 #include "shared_work.h"
 
 namespace doppel::tools {
@@ -89,7 +90,7 @@ CLI::Option* add_capture_option(CLI::App& app, TrackArguments& arguments) {
 void add_output_options(CLI::App& app, TrackArguments& arguments) {
   app.add_option("--out", arguments.task.out, "Folder to write into (default: CAPTURE/tracked)");
   app.add_option("--limit-frames", arguments.task.limit_frames, "Largest number of frames of each sequence (0: all)")
-      ->check(CLI::NonNegativeNumber)
+      ->check(not_negative())
       ->capture_default_str();
 }
 

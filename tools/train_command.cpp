@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "command.h"
+#include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/progress.h"
@@ -37,7 +38,8 @@ std::vector<std::string> absolute_capture(std::vector<std::string> overrides) {
   const std::string key = "capture=";
   for (std::string& text : overrides)
     if (text.rfind(key, 0) == 0 && text.size() > key.size())
-      text = key + fs::absolute(text.substr(key.size())).lexically_normal().string();
+      text =
+          text_override("capture", fs::absolute(text_of_override(text.substr(key.size()))).lexically_normal().string());
   return overrides;
 }
 
@@ -86,7 +88,7 @@ int run(const TrainArguments& arguments, const CommonOptions& common) {
   std::vector<std::string> overrides = absolute_capture(arguments.overrides);
   const fs::path capture = StageChain::read(ConfigDocument::load(arguments.config, overrides)).capture();
   // The copy of the configuration in the run must not depend on its folder.
-  overrides.push_back("capture=" + capture.string());
+  overrides.push_back(text_override("capture", capture.string()));
   const StageChain chain = StageChain::read(ConfigDocument::load(arguments.config, overrides));
   ChainOptions options;
   for (const std::string& name : arguments.stages) options.stages.push_back(stage_entry(name).name);
@@ -98,8 +100,8 @@ int run(const TrainArguments& arguments, const CommonOptions& common) {
   const auto summaries = train_together(chain, out, options);
   if (ranks.is_first()) print_summaries(summaries, out, chain.single(), common.json);
   if (summaries.empty() || summaries.back().summary.reason != StopReason::interrupted) return 0;
-  log::warn("stopped at step {} of {}; run the same command again to resume", summaries.back().summary.step,
-            summaries.back().stage);
+  log::warn("stopped at step {} of {}; run the same command again{} to resume", summaries.back().summary.step,
+            summaries.back().stage, arguments.overwrite ? " without --overwrite" : "");
   return 1;
 }
 

@@ -20,6 +20,11 @@ from typing import NamedTuple, Optional
 import torch
 from torch import Tensor
 
+__all__ = [
+    "ClosestPoint", "ClosestPoints", "EmbeddedDeformation", "GraphConvolution", "Raster", "Shading", "SilhouetteTarget",
+    "Skinning", "boundary_vertices", "rasterize", "silhouette_loss", "silhouette_target"
+]
+
 
 def _library() -> str:
     """The path of libdoppel.so."""

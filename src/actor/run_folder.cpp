@@ -14,6 +14,7 @@
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/load_yaml.h"
 #include "doppel/core/temporary_name.h"
+#include "doppel/core/text_reader.h"
 
 namespace doppel {
 
@@ -26,6 +27,20 @@ const std::set<std::string> kFreeKeys = {
     "capture",         "data.workers",     "train.max_minutes",  "train.checkpoint_every",
     "train.keep_last", "train.keep_every", "train.images_every", "train.pictures_every"};
 
+/// A value as text; numbers that are equal have the same one.
+std::string canonical(const YAML::Node& node) {
+  if (node.IsSequence()) {
+    std::string items;
+    for (const YAML::Node& item : node) items += (items.empty() ? "" : ", ") + canonical(item);
+    return "[" + items + "]";
+  }
+  if (node.IsScalar())
+    if (const std::optional<double> number = parse_number(node.Scalar())) return fmt::format("{}", *number);
+  YAML::Emitter emitter;
+  emitter << YAML::Flow << node;
+  return emitter.c_str();
+}
+
 void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::string, std::string>& out) {
   if (node.IsMap()) {
     for (const auto& item : node) {
@@ -33,9 +48,7 @@ void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::st
       flatten(item.second, prefix.empty() ? key : prefix + "." + key, out);
     }
   } else if (node.IsDefined() && !node.IsNull()) {
-    YAML::Emitter emitter;
-    emitter << YAML::Flow << node;
-    out[prefix] = emitter.c_str();
+    out[prefix] = canonical(node);
   }
 }
 
@@ -85,7 +98,7 @@ std::vector<std::string> config_differences(const std::string& old_yaml, const s
   return differences;
 }
 
-void RunFolder::open(const std::string& new_config, RunMode mode) const {
+void RunFolder::check(const std::string& new_config, RunMode mode) const {
   if (fs::exists(path_) && !fs::is_directory(path_))
     fail<UsageError>("--out {}: this is a file; a run needs a folder", path_.string());
   const bool has_run = fs::exists(config());
@@ -103,7 +116,11 @@ void RunFolder::open(const std::string& new_config, RunMode mode) const {
           "--overwrite to replace it.",
           path_.string(), fmt::join(differences, "\n  "));
   }
-  if (mode == RunMode::overwrite || !has_checkpoint) clear();
+}
+
+void RunFolder::open(const std::string& new_config, RunMode mode) const {
+  check(new_config, mode);
+  if (mode == RunMode::overwrite || CheckpointFolder(checkpoints()).steps().empty()) clear();
   fs::create_directories(path_);
   write_atomically(config(), new_config);
 }

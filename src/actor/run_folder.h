@@ -20,9 +20,12 @@ class RunFolder {
  public:
   explicit RunFolder(std::filesystem::path path) : path_(std::move(path)) {}
 
-  /// Prepares the folder for a run of `config` (resolved YAML): checks whether a run can be resumed and whether its
-  /// configuration is the same, removes the files of an overwritten run, and writes config.yaml.
-  /// @throws UsageError naming the keys that differ; Error when the folder contains other files
+  /// Whether the folder can take a run of `config` (resolved YAML): it holds nothing else, a run that is to be resumed
+  /// exists, and its configuration is the same. Changes nothing.
+  /// @throws UsageError naming the keys that differ, or when the folder contains other files
+  void check(const std::string& config, RunMode mode) const;
+  /// Prepares the folder for a run of `config`: removes the files of an overwritten run, and writes config.yaml.
+  /// @throws as `check`
   void open(const std::string& config, RunMode mode) const;
 
   const std::filesystem::path& path() const { return path_; }

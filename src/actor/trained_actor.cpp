@@ -115,6 +115,21 @@ constexpr ActorPart kActorParts[] = {{"lighting", load_lighting}, {"deltanet", l
                                      {"texnet", load_tex_net},    {"gaussians", load_gaussians},
                                      {"radiance", load_radiance}, {"nerf", load_nerf}};
 
+/// Warns where a stage was trained on another EGNet or DeltaNet than that of the actor: one of them was trained again.
+void warn_of_other_networks(const TrainedActor& actor, const std::string& name, const StoredStage& stage,
+                            const fs::path& run) {
+  const std::string identity = stage.checkpoint.text("identity");
+  const auto check = [&](const std::string& network, const torch::nn::Module& module) {
+    const std::size_t at = identity.find(network + " ", std::min(identity.find(", on "), identity.size()));
+    if (at == std::string::npos) return;
+    if (identity.compare(at + network.size() + 1, 8, fmt::format("{:08x}", weights_checksum(module))) == 0) return;
+    log::warn("{}: {} was trained on another {} than the present one, which was trained again since; train {} again",
+              run.string(), name, network, name);
+  };
+  check("egnet", *actor.egnet);
+  if (actor.deltanet) check("deltanet", *actor.deltanet);
+}
+
 /// For frames one by one. The weights of a loaded actor do not change.
 void freeze_networks(TrainedActor& actor) {
   const WeightFormat format = inference_weights();
@@ -160,6 +175,7 @@ TrainedActor TrainedActor::load(const fs::path& run, const std::optional<fs::pat
     if (before == part.stage) break;
     const auto stage = find_stage(run, part.stage);
     if (!stage) continue;
+    warn_of_other_networks(actor, part.stage, *stage, run);
     part.load(actor, *stage);
     actor.steps[part.stage] = stage->step;
   }

@@ -16,7 +16,9 @@ TrainedPose TrainedPose::load(const fs::path& run, const std::optional<fs::path>
   const ConfigReader root = stored->config.root(), model = root.section("model");
   TrainedPose trained;
   trained.subject = RunSubject::read(stored->config, root, "posenet");
-  trained.subject.validation = run_subject(run).validation;  // posenet may be that of another run
+  const RunSubject subject = run_subject(run);  // posenet may be that of another run
+  trained.subject.capture = subject.capture;
+  trained.subject.validation = subject.validation;
   if (capture) trained.subject.use_capture(*capture);
   trained.detections = read_options<DetectionOptions>(root.section("loss"));
   trained.trained_on_cameras = root.section("data").list<std::string>("cameras");

@@ -141,6 +141,11 @@ YAML::Node child_for_override(YAML::Node parent, const std::string& part, const 
   return parent[part];
 }
 
+/// Whether a text without quotes ends, as YAML, at a number sign.
+bool is_cut_off(const YAML::Node& value, const std::string& text) {
+  return value.IsScalar() && value.Tag() == "?" && text.find(" #") != std::string::npos;
+}
+
 /// Applies `a.b=c`; returns the dotted key.
 std::string apply_override(const YAML::Node& root, const std::string& text) {
   const std::size_t equals = text.find('=');
@@ -154,6 +159,7 @@ std::string apply_override(const YAML::Node& root, const std::string& text) {
   } catch (const YAML::Exception& e) {
     fail<UsageError>("--set {}: the value is not YAML: {}", text, e.msg);
   }
+  if (is_cut_off(value, text.substr(equals + 1))) value = YAML::Node(text.substr(equals + 1));
   YAML::Node node;
   node.reset(root);
   std::string dotted;
@@ -181,6 +187,26 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 }
 
 }  // namespace
+
+std::string text_override(const std::string& key, const std::string& text) {
+  try {
+    const YAML::Node plain = load_yaml(text);
+    if (plain.IsScalar() && plain.Scalar() == text) return key + "=" + text;
+  } catch (const YAML::Exception&) {  // no YAML without quotes
+  }
+  YAML::Emitter emitter;
+  emitter << YAML::DoubleQuoted << text;
+  return key + "=" + emitter.c_str();
+}
+
+std::string text_of_override(const std::string& value) {
+  try {
+    const YAML::Node node = load_yaml(value);
+    return node.IsScalar() && node.Tag() == "!" ? node.Scalar() : value;
+  } catch (const YAML::Exception&) {
+    return value;
+  }
+}
 
 std::optional<std::string> nearest_word(const std::string& word, const std::vector<std::string>& known) {
   constexpr std::size_t kMaxWordLength = 200;  // a longer word is no typing error

@@ -15,6 +15,11 @@
 
 namespace doppel {
 
+/// An override `key=text` for text of any characters: it is quoted where YAML would read something else.
+std::string text_override(const std::string& key, const std::string& text);
+/// The text that the value of an override stands for: without quotes.
+std::string text_of_override(const std::string& value);
+
 /// A YAML document together with overrides from the command line. Read it through `ConfigReader`.
 ///
 /// Usage:
@@ -27,7 +32,8 @@ namespace doppel {
 class ConfigReader;
 class ConfigDocument {
  public:
-  /// @param overrides `a.b=c` each, applied in order; c is YAML. A key that the file does not hold is added.
+  /// @param overrides `a.b=c` each, applied in order; c is YAML, but for a number sign, which begins no comment. A key
+  /// that the file does not hold is added.
   /// @throws FileError (file:line) for bad YAML; UsageError for an override without `=`.
   static ConfigDocument load(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
   static ConfigDocument parse(const std::string& text, const std::string& name,

@@ -108,8 +108,7 @@ class OptionReader : public OptionVisitor {
   }
   std::optional<std::size_t> visit_items(const std::string& path, const std::string&) override {
     const auto [reader, key] = position_of(reader_, path);
-    const std::size_t count = reader.sections(key).size();
-    return count > 0 ? std::optional<std::size_t>(count) : std::nullopt;
+    return reader.has(key) ? std::optional<std::size_t>(reader.sections(key).size()) : std::nullopt;
   }
   void require(const std::string& path, bool met, const std::string& fault) override {
     if (met) return;

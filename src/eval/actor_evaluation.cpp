@@ -150,7 +150,8 @@ Json evaluate_actor_drawing(const ActorEvaluation& evaluation, const std::string
   Json row =
       evaluate_images(evaluation.dataset, evaluation.split, render, evaluation.options, titled(evaluation, title))
           .to_json();
-  if (evaluation.options.flicker && drawing != Drawing::nerf)
+  if (evaluation.options.flicker && drawing != Drawing::nerf &&
+      has_flicker(evaluation.dataset, evaluation.split, evaluation.options))
     row.update(drawing_flicker(evaluation, title, field, render));
   return row;
 }

@@ -9,6 +9,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
 #include "doppel/core/progress.h"
 #include "doppel/core/tensor/image_tensor.h"
 #include "doppel/data/dataset/batch_builder.h"
@@ -144,6 +145,7 @@ ColourChange colour_change(const SurfaceFlow& flow, const cv::Mat& earlier, cons
 }
 
 nlohmann::ordered_json FlickerResult::to_json() const {
+  if (drawn.pixels == 0) return nlohmann::ordered_json::object();
   return {{"flicker", drawn.root_mean_square()}, {"filmed_flicker", filmed.root_mean_square()}};
 }
 
@@ -158,7 +160,24 @@ void add_flicker(const PairImages& seen, FlickerResult& result) {
   result.filmed += colour_change(flow, seen.filmed[0], seen.filmed[1], where);
 }
 
+/// Whether the frame before is of the same segment.
+bool follows_a_frame(const Dataset& dataset, const SampleId& later) {
+  const DatasetSequence& sequence = dataset.sequences().at(as_size(later.sequence));
+  return later.frame > std::max(sequence.first_frame, sequence.segment_start(later.frame));
+}
+
 }  // namespace
+
+bool has_flicker(const Dataset& dataset, Split split, const EvaluationOptions& options) {
+  const std::vector<int> cameras = dataset.camera_indices(options.cameras);
+  for (const SampleId& later : evaluated_samples(dataset, split, options))
+    if (follows_a_frame(dataset, later))
+      for (const int camera : cameras)
+        if (dataset.crop_box(later, camera).side > 0 &&
+            dataset.crop_box({later.sequence, later.frame - 1}, camera).side > 0)
+          return true;
+  return false;
+}
 
 FlickerResult evaluate_flicker(const Dataset& dataset, Split split, const torch::Tensor& faces,
                                const SurfaceFunction& surface, const ImageFunction& render,
@@ -170,9 +189,7 @@ FlickerResult evaluate_flicker(const Dataset& dataset, Split split, const torch:
   FlickerResult result;
   Progress progress(title, static_cast<std::int64_t>(samples.size() * cameras.size()));
   for (const SampleId& later : samples) {
-    const DatasetSequence& sequence = dataset.sequences().at(as_size(later.sequence));
-    const bool follows = later.frame > std::max(sequence.first_frame, sequence.segment_start(later.frame));
-    if (follows) {
+    if (follows_a_frame(dataset, later)) {
       const std::vector<SampleId> both{{later.sequence, later.frame - 1}, later};
       const torch::Tensor vertices = surface(both);
       for (const int camera : cameras)
@@ -181,8 +198,8 @@ FlickerResult evaluate_flicker(const Dataset& dataset, Split split, const torch:
     progress.advance(static_cast<std::int64_t>(cameras.size()));
   }
   if (result.drawn.pixels == 0)
-    fail("flicker: no two consecutive frames of the {} split show the person in the compared cameras",
-         to_string(split));
+    log::warn("{}: no two consecutive frames of the {} split show the person; the figures are left out", title,
+              to_string(split));
   return result;
 }
 

@@ -47,7 +47,7 @@ ColourChange colour_change(const SurfaceFlow& flow, const cv::Mat& earlier, cons
 struct FlickerResult {
   ColourChange drawn, filmed;
 
-  /// The root mean squares: `flicker` of the drawings, `filmed_flicker` of the images.
+  /// The root mean squares: `flicker` of the drawings, `filmed_flicker` of the images. Empty when nothing was compared.
   nlohmann::ordered_json to_json() const;
 };
 
@@ -56,9 +56,13 @@ struct FlickerResult {
 /// where the surface slides over the person; a drawing that changes less than they do does not flicker visibly.
 /// Pixels count that lie, in both frames, at least two pixels inside both the drawing and the mask.
 /// @param surface the surface that was drawn @param faces int32 [F,3]
-/// @throws as evaluate_images; Error when no two consecutive frames show the person
+/// Warns when nothing could be compared. @throws as evaluate_images
 FlickerResult evaluate_flicker(const Dataset& dataset, Split split, const torch::Tensor& faces,
                                const SurfaceFunction& surface, const ImageFunction& render,
                                const EvaluationOptions& options, const std::string& title);
+
+/// Whether two consecutive frames, of which the later one is evaluated, show the person in a compared camera. Without
+/// them there is no flicker to measure.
+bool has_flicker(const Dataset& dataset, Split split, const EvaluationOptions& options);
 
 }  // namespace doppel

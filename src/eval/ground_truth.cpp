@@ -1,5 +1,7 @@
 #include "doppel/eval/ground_truth.h"
 
+#include <algorithm>
+
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
@@ -13,6 +15,11 @@ void check_shape(const std::filesystem::path& path, const std::vector<std::int64
          fmt::join(shape, ","));
 }
 
+/// The file of a sequence, whether or not it is there.
+std::filesystem::path ground_truth_file(const Dataset& dataset, const DatasetSequence& sequence) {
+  return dataset.capture().resolve("ground_truth/" + sequence.name + "/vertices.npy");
+}
+
 }  // namespace
 
 torch::Tensor read_surfaces(const std::filesystem::path& path, std::int64_t num_vertices) {
@@ -22,13 +29,28 @@ torch::Tensor read_surfaces(const std::filesystem::path& path, std::int64_t num_
   return torch::tensor(values).view({array.shape[0], num_vertices, 3});
 }
 
-GroundTruth::GroundTruth(const Dataset& dataset) {
+std::string ground_truth_of_another_character(const Dataset& dataset, const std::vector<Split>& splits,
+                                              std::int64_t num_vertices) {
   for (const DatasetSequence& sequence : dataset.sequences()) {
-    const auto path = dataset.capture().resolve("ground_truth/" + sequence.name + "/vertices.npy");
-    paths_.push_back(std::filesystem::exists(path) ? path : std::filesystem::path());
+    const std::filesystem::path path = ground_truth_file(dataset, sequence);
+    if (std::find(splits.begin(), splits.end(), sequence.split) == splits.end() || !std::filesystem::exists(path))
+      continue;
+    const std::vector<std::int64_t> shape = NpyItems(path).shape();
+    if (shape.size() == 3 && shape[1] != num_vertices)
+      return fmt::format("{} has surfaces of {} vertices, the character has {}", path.string(), shape[1], num_vertices);
+  }
+  return "";
+}
+
+GroundTruth::GroundTruth(const Dataset& dataset, const EvaluationOptions& options) {
+  for (const DatasetSequence& sequence : dataset.sequences()) {
+    const std::filesystem::path path = ground_truth_file(dataset, sequence);
+    paths_.push_back(options.ground_truth && std::filesystem::exists(path) ? path : std::filesystem::path());
   }
   surfaces_.resize(paths_.size());
 }
+
+bool GroundTruth::has(const SampleId& sample) const { return !paths_[as_size(sample.sequence)].empty(); }
 
 torch::Tensor GroundTruth::at(const SampleId& sample, std::int64_t num_vertices) {
   const auto index = as_size(sample.sequence);

@@ -7,6 +7,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/lower_case.h"
 #include "doppel/eval/surface_metrics.h"
 #include "doppel/geometry/mesh.h"
 #include "doppel/render/mesh/face_tensor.h"
@@ -32,8 +33,9 @@ struct ScanFolder {
     for (const auto& entry : std::filesystem::directory_iterator(folder)) {
       const std::filesystem::path& path = entry.path();
       if (!entry.is_regular_file() || !is_frame_number(path.stem().string())) continue;
-      if (path.extension() == ".ply") ++unread;
-      if (path.extension() != ".obj") continue;
+      const std::string kind = lower_case(path.extension().string());
+      if (kind == ".ply") ++unread;
+      if (kind != ".obj") continue;
       const auto [found, added] = files.emplace(std::stol(path.stem().string()), path);
       if (!added)
         fail<UsageError>("scans: {} and {} are scans of one frame; remove one of them", found->second.string(),

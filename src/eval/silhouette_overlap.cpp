@@ -10,6 +10,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
 #include "doppel/data/dataset/loader.h"
+#include "doppel/eval/evaluation_columns.h"
 #include "doppel/eval/ground_truth.h"
 #include "doppel/eval/hand_boxes.h"
 #include "doppel/eval/mean.h"
@@ -145,12 +146,12 @@ class GroundTruthErrors {
  public:
   /// @param skinned as in evaluate_surface
   GroundTruthErrors(const Dataset& dataset, const Character& character, const torch::Tensor& faces,
-                    const SurfaceFunction& skinned)
+                    const SurfaceFunction& skinned, const EvaluationOptions& options)
       : dataset_(dataset),
         faces_(faces),
         skinned_(skinned),
         template_(character),
-        ground_truth_(dataset),
+        ground_truth_(dataset, options),
         shape_(SurfaceShape(faces, character.num_vertices(), character.labels)) {}
 
   /// Adds a frame, if its true surface is known. @param vertices [N,3]
@@ -210,49 +211,37 @@ class ScanErrors {
   Mean frames_;
 };
 
-/// A value of the table: its key in JSON and its format.
-struct Column {
-  const char* key;
-  const char* title;
-  double factor;
-  int digits;
-  const char* unit;
-};
-constexpr Column kColumns[] = {{"AMVIoU", "AMVIoU", 1, 4, ""},
-                               {"RVIoU", "RVIoU", 1, 4, ""},
-                               {"SVIoU", "SVIoU", 1, 4, ""},
-                               {"hand_IoU", "hands", 1, 3, ""},
-                               {"outside", "outside", 100, 2, " %"},
-                               {"missing", "missing", 100, 2, " %"},
-                               {"vertex_error_mm", "vertex error", 1, 2, " mm"},
-                               {"Hausdorff_mm", "Hausdorff", 1, 2, " mm"},
-                               {"surface_distance_mm", "off the surface", 1, 2, " mm"},
-                               {"seen_distance_mm", "where seen", 1, 2, " mm"},
-                               {"normal_error_deg", "normals", 1, 2, " deg"},
-                               {"scan_distance_mm", "off the scan", 1, 2, " mm"},
-                               {"noise_mm", "noise", 1, 2, " mm"},
-                               {"median_mm", "median", 1, 2, " mm"},
-                               {"p99_mm", "99 %", 1, 2, " mm"},
-                               {"3DPCK", "3DPCK", 1, 1, " %"},
-                               {"AUC", "AUC", 1, 1, " %"},
-                               {"MPJPE_mm", "MPJPE", 1, 1, " mm"},
-                               {"GLE_mm", "GLE", 1, 1, " mm"},
-                               {"keypoint_error_px", "keypoints", 1, 1, " px"},
-                               {"frames_without_pose", "frames without pose", 1, 0, ""},
-                               {"MSE", "MSE", 1, 2, ""},
-                               {"PSNR", "PSNR", 1, 2, " dB"},
-                               {"SSIM", "SSIM", 1, 4, ""},
-                               {"sharpness", "sharpness", 1, 3, ""},
-                               {"LPIPS", "LPIPS", 1, 4, ""},
-                               {"flicker", "flicker", 1, 2, ""},
-                               {"filmed_flicker", "filmed flicker", 1, 2, ""},
-                               {"whole_MSE", "whole MSE", 1, 2, ""},
-                               {"whole_PSNR", "whole PSNR", 1, 2, " dB"},
-                               {"whole_SSIM", "whole SSIM", 1, 4, ""},
-                               {"whole_full_MSE", "whole full MSE", 1, 2, ""},
-                               {"whole_full_PSNR", "whole full PSNR", 1, 2, " dB"},
-                               {"whole_full_SSIM", "whole full SSIM", 1, 4, ""},
-                               {"seconds", "drawn in", 1, 3, " s"}};
+/// The splits that have frames, as in a sentence.
+std::string split_list(const Dataset& dataset) {
+  std::vector<std::string> words;
+  for (const Split split : {Split::train, Split::validation, Split::test})
+    if (!dataset.samples(split).empty()) words.push_back(to_string(split));
+  return fmt::format("{}", fmt::join(words, ", "));
+}
+
+/// @throws UsageError when no sequence has the split
+void require_split(const Dataset& dataset, Split split) {
+  if (dataset.samples(split).empty())
+    fail<UsageError>("--split {}: {} has no sequence with this split; it has {}", to_string(split),
+                     dataset.folder().string(), split_list(dataset));
+}
+
+/// @throws UsageError for a frame that no sequence of these splits has
+void require_frames(const Dataset& dataset, const std::vector<Split>& splits, const std::vector<long>& frames) {
+  std::vector<SampleId> all;
+  std::vector<std::string> words;
+  for (const Split split : splits) {
+    const std::vector<SampleId> samples = dataset.samples(split);
+    all.insert(all.end(), samples.begin(), samples.end());
+    words.push_back(to_string(split));
+  }
+  for (const long frame : frames) {
+    if (std::any_of(all.begin(), all.end(), [&](const SampleId& sample) { return sample.frame == frame; })) continue;
+    const DatasetSequence& first = dataset.sequences().at(as_size(all.at(0).sequence));
+    fail<UsageError>("--frames: no sequence of the split {} has a frame {}; {} has {} to {}", fmt::join(words, ", "),
+                     frame, first.name, first.first_frame, first.last_frame);
+  }
+}
 
 /// The conditions of the distances to scans.
 nlohmann::ordered_json scan_protocol(const Dataset& dataset, const std::vector<Split>& splits,
@@ -315,8 +304,14 @@ nlohmann::ordered_json SurfaceResult::to_json() const {
 }
 
 std::vector<SampleId> evaluated_samples(const Dataset& dataset, Split split, const EvaluationOptions& options) {
+  require_split(dataset, split);
   if (options.frames.empty()) return dataset.samples(split, options.every);
-  return chosen_samples(dataset, split, options.frames);
+  std::vector<SampleId> chosen;
+  for (const SampleId& sample : dataset.samples(split))
+    if (std::find(options.frames.begin(), options.frames.end(), sample.frame) != options.frames.end())
+      chosen.push_back(sample);
+  if (chosen.empty()) require_frames(dataset, {split}, options.frames);
+  return chosen;
 }
 
 SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const Character& character,
@@ -335,7 +330,7 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const Charac
   Rasterizer rasterizer(faces);
   const HandBoxes hands(dataset, character.skeleton);
   OverlapMeans means;
-  GroundTruthErrors errors(dataset, character, faces, skinned);
+  GroundTruthErrors errors(dataset, character, faces, skinned, options);
   ScanErrors scan_errors(dataset, samples, options);
   Progress progress(title, static_cast<std::int64_t>(samples.size()));
   for (std::size_t first = 0; first < samples.size(); first += kFramesAtOnce) {
@@ -367,6 +362,8 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const Charac
 
 nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::vector<Split>& splits,
                                            const EvaluationOptions& options) {
+  for (const Split split : splits) require_split(dataset, split);
+  require_frames(dataset, splits, options.frames);
   nlohmann::ordered_json json;
   json["metric"] =
       "AMVIoU: IoU of the drawn surface and the mask at full resolution, mean over frames, then over cameras";
@@ -397,11 +394,9 @@ std::string evaluation_table(const nlohmann::ordered_json& evaluation) {
       out += "  left out: " + left_out.at(split).get<std::string>() + "\n";
     for (const auto& [method, result] : methods.items()) {
       out += fmt::format("  {:<10}", method);
-      for (const Column& column : kColumns)
-        if (result.contains(column.key))
-          out += fmt::format("  {} {:.{}f}{}", column.title, column.factor * result.at(column.key).get<double>(),
-                             column.digits, column.unit);
-      if (result.contains("filmed")) out += fmt::format("  as filmed {:.2f}", result["filmed"]["MSE"].get<double>());
+      for (const EvaluationColumn& column : kEvaluationColumns)
+        if (const auto* value = column.find(result))
+          out += fmt::format("  {} {}{}", column.title, column.text(*value), column.unit);
       out += "  |";
       for (const auto& [camera, value] : result.at("cameras").items())
         out += value.is_number() ? fmt::format("  {}: {:.4f}", camera, value.get<double>())

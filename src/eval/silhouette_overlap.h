@@ -39,17 +39,18 @@ Overlap overlap(const std::uint8_t* a, const std::uint8_t* b, std::int64_t count
 struct EvaluationOptions {
   std::vector<std::string> cameras;    ///< names; empty: all of the capture
   int every = 1;                       ///< every n-th frame of a sequence
-  std::vector<long> frames;            ///< rows of the motions; empty: all that `every` leaves
+  std::vector<long> frames;            ///< rows of the motions, of any of the splits; empty: all that `every` leaves
   std::string input_camera;            ///< the camera whose images were the method's input; empty: none
   bool whole_frames = false;           ///< compare drawings with the whole images of the capture too (slow)
   bool flicker = false;                ///< measure the flicker of drawings too (flicker.h)
   std::shared_ptr<const Lpips> lpips;  ///< measures drawings too; null: no LPIPS
   std::filesystem::path scans;         ///< folder of scans (scans.h) to measure surfaces against; empty: none
   double scan_unit = 0.001;            ///< of the scans, metres
+  bool ground_truth = true;            ///< compare with the true surfaces of the capture, if it has them
 };
 
-/// The frames of a split that are compared.
-/// @throws UsageError for a frame that no sequence of the split has
+/// The frames of a split that are compared: of `options.frames`, those that the split has.
+/// @throws UsageError when the split has no sequence, or none of the frames
 std::vector<SampleId> evaluated_samples(const Dataset& dataset, Split split, const EvaluationOptions& options);
 
 /// A surface as a function of the frame: vertices [B,N,3] float32, world metres, for B samples.
@@ -97,7 +98,8 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const Charac
                                const std::string& title, const SurfaceFunction& skinned = {});
 
 /// The conditions of an evaluation, printed with its results: frames per split, cameras, resolution, mask threshold,
-/// scans. @throws UsageError as Scans
+/// scans. @throws UsageError as Scans, for a split without sequences, and for a frame that no sequence of the splits
+/// has
 nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::vector<Split>& splits,
                                            const EvaluationOptions& options);
 

@@ -35,6 +35,15 @@ std::string method_of(const fs::path& report) {
   return json.is_object() ? json.value("method", "") : "";
 }
 
+/// @throws Error when a coordinate is not finite
+void check_finite(const fs::path& path, const Tensor& vertices) {
+  const Tensor bad = vertices.isfinite().logical_not().flatten(1).any(1).nonzero();
+  if (bad.size(0) > 0)
+    fail(
+        "{}: row {} (counted from 0) has a vertex that is not finite; {} of {} rows have one. Track the sequence again",
+        path.string(), bad[0].item<long>(), bad.size(0), vertices.size(0));
+}
+
 class TrackedEvaluation {
  public:
   TrackedEvaluation(const Dataset& dataset, const Character& character, const TrackedRun& tracked, Split split,
@@ -57,7 +66,6 @@ class TrackedEvaluation {
   }
 
   Json run() {
-    for (const SampleId& sample : samples_) check(sample);
     const Json scores = pose_scores();
     Json rows;
     rows["pose"] = method("pose", scores, [this](const SampleId& sample) { return skinned(sample); });
@@ -70,16 +78,6 @@ class TrackedEvaluation {
  private:
   const std::string& name_of(const SampleId& sample) const { return dataset_.sequences()[sample.sequence].name; }
   const TrackedMotion& motion_of(const SampleId& sample) const { return tracked_.sequences.at(name_of(sample)); }
-
-  void check(const SampleId& sample) const {
-    const auto found = tracked_.sequences.find(name_of(sample));
-    if (found != tracked_.sequences.end() && sample.frame >= found->second.first_frame &&
-        sample.frame < found->second.motion.num_frames())
-      return;
-    fail<UsageError>(
-        "--tracked: frame {} of sequence {} was not tracked; track it too, or name tracked frames with --frames",
-        sample.frame, name_of(sample));
-  }
 
   bool has_vertices() const {
     return std::all_of(samples_.begin(), samples_.end(),
@@ -145,17 +143,11 @@ class TrackedEvaluation {
   }
 
   void draw_error_maps() {
-    GroundTruth ground_truth(dataset_);
+    GroundTruth ground_truth(dataset_, options_);
     const int camera = options_.input_camera.empty() ? dataset_.camera_indices(options_.cameras).front()
                                                      : dataset_.camera_index(options_.input_camera);
-    const bool tracked = has_vertices();
-    fs::create_directories(options_.error_maps);
     for (const SampleId& sample : samples_) {
       const Tensor skin = skinned(sample)[0], expected = ground_truth.at(sample, skin.size(0));
-      if (!expected.defined() || !tracked)
-        fail<UsageError>(
-            "--error-maps needs the true surface of {} in the capture, and tracked surfaces (doppel track --vertices)",
-            name_of(sample));
       const Tensor surface = tracked_vertices(sample)[0];
       const cv::Mat map = draw_vertex_values(surface, faces_, error_improvement(surface, skin, expected),
                                              dataset_.camera(camera), kErrorMapLimit);
@@ -213,12 +205,17 @@ TrackedRun TrackedRun::load(const fs::path& folder, const Character& character) 
   const Capture capture = read_capture(folder / "capture.yaml");
   TrackedRun run;
   run.method = method_of(folder / "track.json");
+  run.capture = capture.name;
+  run.root = capture.root;
   for (const SequenceEntry& entry : capture.sequences) {
     const fs::path motion = folder / (entry.name + ".motion");
     if (!fs::exists(motion)) continue;
     TrackedMotion tracked{read_motion(motion, character.skeleton.num_dofs()), entry.first_frame, {}};
     const fs::path vertices = folder / (entry.name + "_vertices.npy");
-    if (fs::exists(vertices)) tracked.vertices = read_surfaces(vertices, character.num_vertices());
+    if (fs::exists(vertices)) {
+      tracked.vertices = read_surfaces(vertices, character.num_vertices());
+      check_finite(vertices, tracked.vertices);
+    }
     const long rows = tracked.motion.num_frames() - tracked.first_frame;
     if (tracked.vertices.defined() && tracked.vertices.size(0) != rows)
       fail("{}: the file has {} frames, and the motion beside it has {} tracked ones; track the sequence again",
@@ -231,9 +228,37 @@ TrackedRun TrackedRun::load(const fs::path& folder, const Character& character) 
   return run;
 }
 
+std::string TrackedRun::other_capture(const Capture& compared) const {
+  std::error_code ignored;
+  if (capture == compared.name && (root == compared.root || fs::equivalent(root, compared.root, ignored))) return "";
+  return fmt::format("{} in {} was tracked, and {} in {} is compared", capture, root.string(), compared.name,
+                     compared.root.string());
+}
+
+void check_tracked(const Dataset& dataset, const TrackedRun& tracked, Split split,
+                   const TrackedEvaluationOptions& options) {
+  const GroundTruth ground_truth(dataset, options);
+  for (const SampleId& sample : evaluated_samples(dataset, split, options)) {
+    const std::string& name = dataset.sequences()[sample.sequence].name;
+    const auto found = tracked.sequences.find(name);
+    if (found == tracked.sequences.end() || sample.frame < found->second.first_frame ||
+        sample.frame >= found->second.motion.num_frames())
+      fail<UsageError>(
+          "--tracked: frame {} of sequence {} was not tracked; track it too, or name tracked frames with --frames",
+          sample.frame, name);
+    if (!options.error_maps.empty() && (!ground_truth.has(sample) || !found->second.vertices.defined()))
+      fail<UsageError>(
+          "--error-maps needs the true surface of {} in the capture, with the vertices of the character, and tracked "
+          "surfaces (doppel track --vertices)",
+          name);
+  }
+  if (!options.error_maps.empty()) fs::create_directories(options.error_maps);
+}
+
 Json evaluate_tracked(const Dataset& dataset, const Character& character, const TrackedRun& tracked, Split split,
                       const TrackedEvaluationOptions& options) {
   const torch::NoGradGuard no_grad;
+  check_tracked(dataset, tracked, split, options);
   return TrackedEvaluation(dataset, character, tracked, split, options).run();
 }
 

@@ -26,9 +26,14 @@ struct TrackedMotion {
 struct TrackedRun {
   std::string method;                              ///< of track.json: multiview, livecap or deepcap
   std::map<std::string, TrackedMotion> sequences;  ///< by the name of the sequence
+  std::string capture;                             ///< the name of the capture that was tracked
+  std::filesystem::path root;                      ///< its folder
 
-  /// @throws UsageError when `folder` holds no tracked sequence; Error for a file of another character
+  /// @throws UsageError when `folder` holds no tracked sequence; Error for a file of another character, and for
+  /// vertices that are not finite
   static TrackedRun load(const std::filesystem::path& folder, const Character& character);
+  /// A sentence when this is the tracking of another capture; empty when name and folder are the same.
+  std::string other_capture(const Capture& compared) const;
 };
 
 struct TrackedEvaluationOptions : EvaluationOptions {
@@ -39,14 +44,19 @@ struct TrackedEvaluationOptions : EvaluationOptions {
   std::filesystem::path error_maps;
 };
 
+/// Checks what `evaluate_tracked` needs, without measuring. Makes the folder `options.error_maps`.
+/// @throws UsageError when a frame of the split was not tracked (the message names it), or when error maps are asked
+/// for and a tracked or true surface is missing
+void check_tracked(const Dataset& dataset, const TrackedRun& tracked, Split split,
+                   const TrackedEvaluationOptions& options);
+
 /// Evaluates the methods `pose`, the skinned template in the tracked pose, and `surface`, the tracked surface if there
 /// is one, on the frames of a split. Where the poses of the capture are known, pose metrics (`compare_poses`) are
 /// added. With `options.input_camera`, the method saw only this camera, which does not determine depth: surfaces are
 /// moved until their root (root_of_joints) is at the true position, where it is known, before they are compared. Writes
 /// `options.error_maps`.
 /// @param character of the capture
-/// @throws UsageError when a frame of the split was not tracked (the message names it), or when error maps are asked
-/// for and a tracked or true surface is missing
+/// @throws UsageError as check_tracked
 nlohmann::ordered_json evaluate_tracked(const Dataset& dataset, const Character& character, const TrackedRun& tracked,
                                         Split split, const TrackedEvaluationOptions& options);
 

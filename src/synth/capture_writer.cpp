@@ -167,7 +167,7 @@ std::string readme_text(const SynthOptions& options, const std::vector<SequenceP
     return fmt::format("{} frames in two takes (the cut is before frame {})", sequence.frames(), sequence.cuts()[0]);
   };
   return fmt::format(
-      "A synthetic capture, made by `doppel synth`: nobody was filmed, all files are computed.\n"
+      "{}: nobody was filmed, all files are computed.\n"
       "\n"
       "character/                      the actor: template, texture, skeleton (33 DoFs), skin, graph, labels; "
       "millimetres\n"
@@ -187,8 +187,8 @@ std::string readme_text(const SynthOptions& options, const std::vector<SequenceP
       "(0.5, 0.5). Frame f of a video is row f of the motion and of the vertices. {}: the surface depends on the "
       "movement, not on the pose alone.\n"
       "Seed {}.\n",
-      options.cameras, lens_text(options.lens), takes(sequences[0]), takes(sequences[1]), options.fps, options.size,
-      options.size,
+      kReadmeBeginning, options.cameras, lens_text(options.lens), takes(sequences[0]), takes(sequences[1]), options.fps,
+      options.size, options.size,
       options.keypoint_tables
           ? "  keypoints/NNN.csv             landmarks as points of BODY_25, noisier where hidden\n"
           : "  keypoints/NNN/                landmarks as OpenPose BODY_25 files, noisier where hidden\n",

@@ -63,6 +63,8 @@ std::vector<std::string> calibration_files(const SynthOptions& options);
 /// The text of `capture.yaml` and `README.txt`.
 std::string capture_yaml(const SynthOptions& options, const std::vector<SequencePlan>& sequences,
                          const std::string& name);
+/// `README.txt` begins with kReadmeBeginning, by which a synthetic capture is known.
+inline constexpr const char* kReadmeBeginning = "A synthetic capture, made by `doppel synth`";
 std::string readme_text(const SynthOptions& options, const std::vector<SequencePlan>& sequences);
 
 }  // namespace doppel::synth

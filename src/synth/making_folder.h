@@ -14,8 +14,10 @@ namespace doppel::synth {
 class MakingFolder {
  public:
   /// @param work what is made; compared with that of a folder which an earlier run has left
+  /// @param target a link stays, and the folder that it leads to is replaced
   /// @param force replace a synthetic capture in `target`, and the rest of other work
-  /// @throws UsageError when `target` is not empty and not to be replaced, or when other work was left
+  /// @throws UsageError when `target` is not empty and not to be replaced, holds what `doppel synth` did not make, is
+  /// the current folder or contains it, or leads nowhere as a link; and when other work was left
   /// @throws Error when another process makes this capture
   MakingFolder(const std::filesystem::path& target, const std::string& work, bool force);
   /// Removes the folder if nothing in it is worth keeping.

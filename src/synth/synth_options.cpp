@@ -69,6 +69,8 @@ void check_options(const SynthOptions& o) {
     fail<UsageError>(
         "doppel synth: with varied movements, the person turns anyway; leave out --turn, or use the preset tiny or "
         "small");
+  if (o.turn != 0 && o.frames == 0 && o.test_frames == 0)
+    fail<UsageError>("doppel synth: motions of files turn as they are; leave out --turn, or generate frames too");
   if (!(std::abs(o.turn) <= kMaxTurn))
     fail<UsageError>("doppel synth: the person turns by {} degrees per second; this must be {} to {}", o.turn,
                      -kMaxTurn, kMaxTurn);

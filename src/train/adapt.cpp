@@ -11,6 +11,7 @@
 #include "doppel/actor/stored_stage.h"
 #include "doppel/actor/trained_pose.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
@@ -113,10 +114,12 @@ class Adaptation {
   /// The studio's configuration of a stage, with the clip as its capture.
   ConfigDocument stage_config(const std::string& kind) const {
     const AdaptStage& stage = wanted(kind);
-    std::vector<std::string> changes{"capture=" + dataset_.folder().string(),
+    std::vector<std::string> changes{text_override("capture", dataset_.folder().string()),
                                      fmt::format("seed={}", options_.config.seed),
                                      fmt::format("data.cameras=[\"{}\"]", camera_),
                                      "data.cameras_per_sample=0",
+                                     "data.frames=[]",
+                                     "data.split=train",
                                      fmt::format("data.batch_size={}", stage.batch_size),
                                      fmt::format("model.freeze_norm={}", stage.freeze_norm),
                                      "train.max_minutes=0",
@@ -178,7 +181,7 @@ class Adaptation {
     const auto studio = find_stage(options_.run, kind);
     load_evaluation_weights(stage.model(), studio->checkpoint);
     for (torch::Tensor& parameter : stage.model().parameters()) parameter.requires_grad_(true);
-    trainer.keep_start = true;
+    trainer.keep_start = trainer.keep_weights = true;
     folder(kind).open(stage_config(kind).resolved(), RunMode::automatic);
     if (Trainer(stage, trainer, folder(kind)).run().reason == StopReason::interrupted)
       fail("stopped while adapting {}; run the same command again to resume", kind);

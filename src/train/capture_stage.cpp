@@ -64,6 +64,11 @@ std::string CaptureStage::identity() const {
                      fmt::join(cameras, ", "));
 }
 
+std::string CaptureStage::content() const {
+  if (content_.empty()) content_ = fmt::format("{:08x}", dataset_.checksum());
+  return content_;
+}
+
 std::vector<std::string> CaptureStage::camera_names() const {
   std::vector<std::string> names;
   for (const PinholeCamera& camera : dataset_.cameras()) names.push_back(camera.name);

@@ -38,6 +38,7 @@ class CaptureStage : public Stage {
   std::string data_state() const override { return loader_.state(); }
   void restore_data(const std::string& state) override { loader_.restore(state); }
   std::string identity() const override;
+  std::string content() const override;
   std::vector<std::string> camera_names() const override;
   double frames_per_second() const override { return dataset_.capture().fps; }
 
@@ -71,6 +72,7 @@ class CaptureStage : public Stage {
   LoaderOptions options_;
   Loader loader_;
   Batch last_batch_;
+  mutable std::string content_;  ///< empty until asked for
 };
 
 /// This rank's rays of a step. @param ranks null: the rays are not shared

@@ -32,7 +32,6 @@ DefNetStage::DefNetStage(const Dataset& dataset, TrainedPose& pose, const DefNet
   if (config.model.input_size != pose.input_size())
     fail<UsageError>("defnet: model.input_size is {}, PoseNet's is {}; both must be equal", config.model.input_size,
                      pose.input_size());
-  network_->backbone()->load_pretrained();
 }
 
 LossTerms DefNetStage::loss(const Batch& batch, StepContext& context) {

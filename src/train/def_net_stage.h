@@ -34,6 +34,7 @@ class DefNetStage : public CaptureStage {
 
   std::string name() const override { return "defnet"; }
   torch::nn::Module& model() override { return *network_; }
+  void begin() override { network_->backbone()->load_pretrained(); }
   using CaptureStage::loss;
   LossTerms loss(const Batch& batch, StepContext& context) override;
   std::string identity() const override { return CaptureStage::identity() + ", on " + pose_.digest(); }

@@ -63,7 +63,6 @@ PoseNetStage::PoseNetStage(const Dataset& dataset, const Character& character, c
       network_(pose_, config.model, at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
       surface_(character),
       faces_(face_tensor(character.mesh)) {
-  network_->backbone()->load_pretrained();
   const bool known = std::any_of(landmark_names_.begin(), landmark_names_.end(),
                                  [](const std::string& name) { return landmark_kind(name) != LandmarkKind::other; });
   if (!known)

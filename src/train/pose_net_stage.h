@@ -43,6 +43,7 @@ class PoseNetStage : public CaptureStage {
 
   std::string name() const override { return "posenet"; }
   torch::nn::Module& model() override { return *network_; }
+  void begin() override { network_->backbone()->load_pretrained(); }
   using CaptureStage::loss;
   LossTerms loss(const Batch& batch, StepContext& context) override;
   std::vector<ReportImage> images() override;

@@ -31,6 +31,8 @@ void describe_keys(const Keys& keys, PosePhase& phase) {
 
 void describe_keys(const Keys& keys, PosePhases& phases) {
   keys.items("phases", phases.phases_, "one after the other; without it, the three of A.1.1");
+  keys.require("phases", !phases.phases_.empty(),
+               "the list is empty, so nothing would be trained; name a phase, or leave phases out");
 }
 
 std::int64_t PosePhases::iterations() const {

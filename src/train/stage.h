@@ -71,6 +71,11 @@ class Stage {
 
   /// Identifies data and character. A run does not resume from a checkpoint with another identity.
   virtual std::string identity() const = 0;
+  /// A checksum of the data. A run does not resume from a checkpoint with another one. Empty: there is no data.
+  virtual std::string content() const { return {}; }
+  /// Called before the first step of a run that does not resume: loads the weights that training starts from, if the
+  /// configuration names any.
+  virtual void begin() {}
   /// The cameras of the data by their index, which checkpoints name.
   virtual std::vector<std::string> camera_names() const { return {}; }
   /// The frames per second of the data, which checkpoints state; 0: unknown.

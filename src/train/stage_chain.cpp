@@ -93,6 +93,60 @@ fs::path StageChain::capture() const {
   return RunSubject::read(document_, root, name_).capture;
 }
 
+/// @throws UsageError when the chain takes a stage from its own folder
+void check_borrowed_folders(const StageChain& chain, const fs::path& out) {
+  const ConfigReader root = chain.document().root();
+  const auto check = [&](const ConfigReader& reader, const std::string& key, const std::string& name) {
+    if (fs::weakly_canonical(reader.path(key)) == fs::weakly_canonical(fs::absolute(out)))
+      fail<UsageError>("--out {}: `{}` names this folder itself; give the new stages another --out", out.string(),
+                       name);
+  };
+  if (root.has(kDdcKey)) check(root, kDdcKey, kDdcKey);
+  for (const StageEntry& entry : stage_table())
+    if (chain.borrowed(entry.name) && root.has(entry.name)) check(root.section(entry.name), "run", entry.name + ".run");
+}
+
+/// The config.yaml of a chain. Until a stage has accepted it, the one before comes back when this object goes.
+class ChainConfig {
+ public:
+  ChainConfig(const StageChain& chain, const fs::path& out) : file_(RunFolder(out).config()) {
+    if (fs::exists(file_)) before_ = read_file(file_);
+    open_chain_folder(out, chain.document().resolved());
+  }
+  ChainConfig(const ChainConfig&) = delete;
+  ChainConfig& operator=(const ChainConfig&) = delete;
+  ~ChainConfig() {
+    if (accepted_) return;
+    try {
+      if (before_)
+        write_atomically(file_, *before_);
+      else
+        fs::remove(file_);
+    } catch (const std::exception& e) {
+      log::warn("{}: the configuration of before could not be written back: {}", file_.string(), e.what());
+    }
+  }
+  void accept() { accepted_ = true; }
+
+ private:
+  fs::path file_;
+  std::optional<std::string> before_;
+  bool accepted_ = false;
+};
+
+/// @throws UsageError when a stage that this one builds on has no checkpoint
+void check_earlier_stages(const StageChain& chain, const StageEntry& entry, const fs::path& out) {
+  for (const std::string& earlier : entry.after) {
+    const fs::path folder = stage_folder(out, earlier);
+    if (!CheckpointFolder(RunFolder(folder).checkpoints()).steps().empty()) continue;
+    if (chain.borrowed(earlier))
+      fail<UsageError>("{} builds on {}, and {}, which the configuration names for it, holds no checkpoint of {}",
+                       entry.name, earlier, folder.string(), earlier);
+    fail("{} has no checkpoint of {} yet; train it first, or take another run's: --set '{}={{run: RUN}}'", out.string(),
+         earlier, earlier);
+  }
+}
+
 void open_chain_folder(const fs::path& out, const std::string& text) {
   const fs::path config = RunFolder(out).config();
   if (fs::exists(out) && !fs::is_directory(out))
@@ -111,25 +165,36 @@ std::vector<StageSummary> train_stages(const StageChain& chain, const fs::path& 
   const bool writes = !options.ranks || options.ranks->is_first();
   std::optional<FolderLock> lock;
   if (writes) lock.emplace(out);
-  if (writes && !chain.single()) open_chain_folder(out, chain.document().resolved());
+  check_borrowed_folders(chain, out);
+  std::optional<ChainConfig> config;
+  if (writes && !chain.single()) config.emplace(chain, out);
   const auto wait_for_files = [&] {  // of rank 0
     if (options.ranks) options.ranks->broadcast(std::string("written"));
   };
   wait_for_files();
+  const auto folder_of = [&](const StageEntry& entry) { return RunFolder(chain.single() ? out : out / entry.name); };
+  const auto is_wanted = [&](const StageEntry& entry) {
+    return (options.stages.empty() ? chain.has(entry.name) : contains(options.stages, entry.name)) &&
+           !chain.borrowed(entry.name);
+  };
+  // A chain resumes if any of its stages does; the stages behind that one begin.
+  const bool any_begun = std::any_of(stage_table().begin(), stage_table().end(), [&](const StageEntry& entry) {
+    return is_wanted(entry) && !CheckpointFolder(folder_of(entry).checkpoints()).steps().empty();
+  });
   std::vector<StageSummary> summaries;
   for (const StageEntry& entry : stage_table()) {
-    const bool wanted = options.stages.empty() ? chain.has(entry.name) : contains(options.stages, entry.name);
-    if (!wanted || chain.borrowed(entry.name)) continue;
-    for (const std::string& earlier : entry.after)
-      if (CheckpointFolder(RunFolder(stage_folder(out, earlier)).checkpoints()).steps().empty())
-        fail("{} has no checkpoint of {} yet; train it first, or take another run's: --set '{}={{run: RUN}}'",
-             out.string(), earlier, earlier);
-    const RunFolder folder(chain.single() ? out : out / entry.name);
+    if (!is_wanted(entry)) continue;
+    check_earlier_stages(chain, entry, out);
+    const RunFolder folder = folder_of(entry);
+    const RunMode mode = options.mode == RunMode::resume && any_begun ? RunMode::automatic : options.mode;
     if (!chain.single()) log::info("stage {}", entry.name);
     const ConfigDocument document = chain.stage(entry.name);
     const std::string head = document.root().has("stage") ? "" : fmt::format("stage: {}\n", entry.name);
+    const auto accept = [&] {
+      if (config) config->accept();
+    };
     summaries.push_back(
-        {entry.name, entry.train({document, head + document.resolved(), out, folder, options.mode, options.ranks})});
+        {entry.name, entry.train({document, head + document.resolved(), out, folder, mode, options.ranks, accept})});
     if (writes) write_run_report(out);
     wait_for_files();
     if (summaries.back().summary.reason == StopReason::interrupted) break;

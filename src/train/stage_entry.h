@@ -17,11 +17,12 @@ namespace doppel {
 /// A stage to train.
 struct StageTask {
   const ConfigDocument& document;  ///< of the stage, as in a file of that stage alone
-  std::string resolved;            ///< the same as YAML, with all defaults
+  std::string resolved;            ///< the same as YAML, with what the command line set
   std::filesystem::path run;       ///< the run with the earlier stages
   const RunFolder& folder;         ///< the folder of this stage
   RunMode mode = RunMode::automatic;
-  Ranks* ranks = nullptr;  ///< that train together; null: this process alone
+  Ranks* ranks = nullptr;          ///< that train together; null: this process alone
+  std::function<void()> accepted;  ///< called once the folder of the stage has accepted the configuration; may be empty
 };
 
 /// One kind of stage. The files of a stage define its entry; `stage_table.h` lists all entries.
@@ -39,7 +40,9 @@ struct StageEntry {
 };
 
 /// Opens the run folder. Of several ranks, only rank 0 writes it; the others wait, and compare their configuration.
-void open_folder(const StageTask& task);
+/// @throws UsageError as RunFolder::open, or when the folder's checkpoint is of other data; the folder is then
+/// unchanged
+void open_folder(const StageTask& task, const Stage& stage);
 
 /// Trains a stage that begins a chain and needs only the character.
 template <typename StageType, typename Config>
@@ -48,7 +51,7 @@ TrainSummary train_first(const StageTask& task) {
   const Dataset dataset = config.subject.open_dataset();
   const Character character = load_character(dataset.character_path(), config.subject.character);
   StageType stage(dataset, character, config);
-  open_folder(task);  // last, because it may erase an earlier run
+  open_folder(task, stage);  // last, because it may erase an earlier run
   return Trainer(stage, config.trainer, task.folder, task.ranks).run();
 }
 
@@ -58,7 +61,7 @@ TrainSummary train_on(Trained trained, const StageTask& task) {
   const Dataset dataset = trained.subject.open_dataset();
   const Config config = Config::read(task.document);
   StageType stage(dataset, trained, config);
-  open_folder(task);  // last, because it may erase an earlier run
+  open_folder(task, stage);  // last, because it may erase an earlier run
   return Trainer(stage, config.trainer, task.folder, task.ranks).run();
 }
 

@@ -84,6 +84,24 @@ void describe_phased(const Keys& keys, TrainerOptions& o, const Schedule& schedu
   describe_unscheduled(keys, o);
 }
 
+void check_same_data(const Checkpoint& checkpoint, const Stage& stage, const std::filesystem::path& run) {
+  if (checkpoint.text("stage") != stage.name())
+    fail<UsageError>("{} holds checkpoints of stage {}, not {}", run.string(), checkpoint.text("stage"), stage.name());
+  const std::string then = checkpoint.text("identity"), now = stage.identity();
+  if (then != now)
+    fail<UsageError>(
+        "{} was trained on other data, or on earlier stages that were trained again since:\n  then: {}\n  now:  "
+        "{}\nUse "
+        "the same capture, another --out, or --overwrite.",
+        run.string(), then, now);
+  // Checkpoints of before 0.1.0 have none.
+  if (checkpoint.has_text("content") && checkpoint.text("content") != stage.content())
+    fail<UsageError>(
+        "{} was trained on another recording of the same name ({}): its motion, cameras, masks or images are not those "
+        "of now. Use the same capture, another --out, or --overwrite.",
+        run.string(), now);
+}
+
 Trainer::Trainer(Stage& stage, const TrainerOptions& options, const RunFolder& run, Ranks* ranks)
     : stage_(stage),
       options_(options),
@@ -187,14 +205,10 @@ std::optional<std::pair<std::int64_t, Checkpoint>> Trainer::find_checkpoint() {
 void Trainer::resume() {
   stage_.model().train();
   auto found = find_checkpoint();
+  if (!found && !options_.keep_weights) stage_.begin();
   if (!found) return;
   const Checkpoint& checkpoint = found->second;
-  if (checkpoint.text("stage") != stage_.name())
-    fail("{} holds checkpoints of stage {}, not {}", run_.path().string(), checkpoint.text("stage"), stage_.name());
-  if (checkpoint.text("identity") != stage_.identity())
-    fail<UsageError>(
-        "{} was trained on other data:\n  then: {}\n  now:  {}\nUse the same capture, another --out, or --overwrite.",
-        run_.path().string(), checkpoint.text("identity"), stage_.identity());
+  check_same_data(checkpoint, stage_, run_.path());
   load_module(stage_.model(), "model.", checkpoint);
   step_ = saved_step_ = checkpoint.integer("step");
   adam_.load(checkpoint, [this](const std::string& parameter) { return is_trained_later(parameter); });
@@ -328,6 +342,7 @@ void Trainer::save_checkpoint() {
   Checkpoint checkpoint;
   checkpoint.set_text("stage", stage_.name());
   checkpoint.set_text("identity", stage_.identity());
+  checkpoint.set_text("content", stage_.content());
   checkpoint.set_text("cameras", fmt::format("{}", fmt::join(stage_.camera_names(), "\n")));
   checkpoint.set_text("frames_per_second", fmt::format("{:.17g}", stage_.frames_per_second()));
   checkpoint.set_text("step", std::to_string(step_));

@@ -30,8 +30,9 @@ struct TrainerOptions {
   std::int64_t keep_every = 0;          ///< also keep the checkpoints of steps divisible by this; 0: none
   std::int64_t images_every = 0;        ///< steps between two sets of images; 0: images at the end only
   double max_minutes = 0.0;             ///< limit of the training time, summed over all sessions; 0: no limit
-  bool keep_best = false;   ///< keep the checkpoint with the smallest validation loss too, and use this one later
-  bool keep_start = false;  ///< write a checkpoint before the first step too; not a configuration key
+  bool keep_best = false;     ///< keep the checkpoint with the smallest validation loss too, and use this one later
+  bool keep_start = false;    ///< write a checkpoint before the first step too; not a configuration key
+  bool keep_weights = false;  ///< begin with the weights that the model has: without Stage::begin; not a key
 };
 /// The keys of the section `train`.
 void describe_keys(const Keys& keys, TrainerOptions& options);
@@ -52,6 +53,9 @@ struct TrainSummary {
   double step_seconds = 0.0;    ///< mean time of the steps of this session behind its first, which prepares; 0: none
   double loss = 0.0;            ///< weighted loss in the last line of metrics; 0 when there is no line yet
 };
+
+/// @throws UsageError when a checkpoint in `run` is of another stage, or of other data or another character
+void check_same_data(const Checkpoint& checkpoint, const Stage& stage, const std::filesystem::path& run);
 
 /// Trains one stage, and writes checkpoints, metrics, images and the report to a run folder. A run that is killed and
 /// started again ends with the same bits as a run that was never stopped. This holds on the same machine, with the same

@@ -95,6 +95,18 @@ TEST(ConfigReference, OverridesComeLastAndShowInTheResolvedText) {
   check(ConfigDocument::parse(changed.resolved(), "again.yaml").root());
 }
 
+TEST(ConfigReference, OverridesKeepTextsOfAnyCharacters) {
+  EXPECT_EQ(text_override("capture", "/a/b c"), "capture=/a/b c");
+  for (const std::string text : {"/a #1/b", "a: b", "[x]", "{y}", "*z", "say \"x\"", "5", " blank ", "~"}) {
+    const ConfigDocument changed = ConfigDocument::parse("a: 1\n", "c.yaml", {text_override("name", text)});
+    EXPECT_EQ(changed.root().get<std::string>("name"), text);
+    const std::string quoted = text_override("name", text);
+    if (text != "5") EXPECT_EQ(text_of_override(quoted.substr(quoted.find('=') + 1)), text);
+  }
+  const ConfigDocument typed = ConfigDocument::parse("a: 1\n", "c.yaml", {"name=/a #1/b"});
+  EXPECT_EQ(typed.root().get<std::string>("name"), "/a #1/b") << "a number sign begins no comment";
+}
+
 TEST(ConfigReference, PathsStartWhereTheyWereWritten) {
   const ConfigDocument changed =
       ConfigDocument::parse("a: x/y.obj\nb: /abs/z\nc: old\n", "/home/of/config.yaml", {"c=typed"});

@@ -91,6 +91,8 @@ TEST(OptionsReference, ReadsEveryKindOfKey) {
   EXPECT_EQ(outer.rounds[1].steps, 4);
 }
 
+TEST(OptionsReference, AnEmptyListIsNoMissingKey) { EXPECT_TRUE(read("rounds: []").rounds.empty()); }
+
 TEST(OptionsReference, TheDocumentKnowsTheValuesInItsOwnUnit) {
   const ConfigDocument document = ConfigDocument::parse("inner: {on: false}\n", "c.yaml");
   read_options<Outer>(document.root());

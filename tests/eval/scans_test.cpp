@@ -107,6 +107,18 @@ TEST_F(ScansReference, NamesOfFiles) {
   EXPECT_FALSE(scans().mean_distance({kDance, 3}, points_));
 }
 
+TEST_F(ScansReference, NamesInCapitals) {
+  write_plane(at("0003.obj"), 1.5);
+  fs::rename(at("0003.obj"), at("0003.OBJ"));
+  const Scans found = scans();
+  EXPECT_EQ(found.size(), 1u);
+  EXPECT_NEAR(found.mean_distance({kDance, 3}, points_).value(), 1.5 - points_.select(1, 2).mean().item<double>(),
+              1e-6);
+  fs::remove(at("0003.OBJ"));
+  write_atomically(at("0003.PLY"), "ply\n");
+  EXPECT_THAT(complaint(test_), HasSubstr(".ply files are not read"));
+}
+
 TEST_F(ScansRejects, FoldersWithoutScans) {
   EXPECT_THAT(message_of<UsageError>([&] { Scans(*dataset_, test_, at("none"), 1.0); }),
               AllOf(HasSubstr("none"), HasSubstr("does not exist")));

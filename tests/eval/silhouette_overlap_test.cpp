@@ -3,10 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "doppel/character/character.h"
 #include "doppel/character/character_folder.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/eval/ground_truth.h"
 #include "doppel/eval/hand_boxes.h"
 #include "doppel/geometry/mesh.h"
 #include "doppel/render/mesh/face_tensor.h"
@@ -20,6 +23,7 @@ namespace doppel::silhouette_overlap_test {
 namespace {
 
 using support::TemporaryFolder;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 /// A filled rectangle in an image of 40 x 30.
@@ -360,6 +364,61 @@ TEST_F(SurfaceOverlapRejects, UnknownCamera) {
   EvaluationOptions options;
   options.cameras = {"c9"};
   EXPECT_THROW(evaluate([&](const auto& samples) { return ground_truth(samples); }, options), UsageError);
+}
+
+TEST_F(SurfaceOverlapRejects, SplitsAndFramesThatAreNotThere) {
+  EXPECT_THAT(support::message_of<UsageError>([&] { evaluated_samples(*dataset_, Split::validation, {}); }),
+              AllOf(HasSubstr("--split validation"), HasSubstr("it has train, test")));
+  EXPECT_THROW(evaluation_protocol(*dataset_, {Split::validation}, {}), UsageError);
+  EvaluationOptions options;
+  options.frames = {0, 99};
+  EXPECT_THAT(support::message_of<UsageError>([&] {
+                evaluation_protocol(*dataset_, {Split::train, Split::test}, options);
+              }),
+              AllOf(HasSubstr("train, test"), HasSubstr("frame 99")));
+  options.frames = {99};
+  EXPECT_THROW(evaluated_samples(*dataset_, Split::test, options), UsageError);
+}
+
+TEST_F(SurfaceOverlapReference, AFrameMayBeOfOneSplitAlone) {
+  EvaluationOptions options;
+  options.frames = {2, 8};  // dance has 5 frames
+  const auto protocol = evaluation_protocol(*dataset_, {Split::train, Split::test}, options);
+  EXPECT_EQ(protocol["frames"]["train"], 2);
+  EXPECT_EQ(protocol["frames"]["test"], 1);
+  EXPECT_THROW(evaluation_protocol(*dataset_, {Split::test}, options), UsageError);
+}
+
+TEST_F(SurfaceOverlapReference, WithoutGroundTruthItsFiguresAreLeftOut) {
+  const auto surface = [&](const auto& samples) { return ground_truth(samples); };
+  EvaluationOptions options;
+  options.frames = {1};
+  options.ground_truth = false;
+  const SurfaceResult result = evaluate(surface, options);
+  EXPECT_GT(result.AMVIoU, 0.999);
+  for (const char* figure : {"vertex_error_mm", "Hausdorff_mm", "surface_distance_mm", "normal_error_deg"})
+    EXPECT_FALSE(result.to_json().contains(figure)) << figure;
+}
+
+TEST_F(SurfaceOverlapReference, GroundTruthOfAnotherCharacterIsNamed) {
+  const int vertices = character_.num_vertices();
+  EXPECT_EQ(ground_truth_of_another_character(*dataset_, {Split::train, Split::test}, vertices), "");
+  EXPECT_THAT(ground_truth_of_another_character(*dataset_, {Split::test}, 7),
+              AllOf(HasSubstr("dance/vertices.npy"), HasSubstr(fmt::format("surfaces of {} vertices", vertices)),
+                    HasSubstr("the character has 7")));
+  EXPECT_EQ(ground_truth_of_another_character(*dataset_, {Split::validation}, 7), "");
+}
+
+TEST_F(SurfaceOverlapReference, AFigureThatIsNoNumberIsADash) {
+  nlohmann::ordered_json evaluation;
+  evaluation["protocol"] = evaluation_protocol(*dataset_, {Split::test}, {});
+  evaluation["splits"]["test"]["pose"] = {{"AMVIoU", nullptr},
+                                          {"MPJPE_mm", std::numeric_limits<double>::infinity()},
+                                          {"outside", 0.25},
+                                          {"filmed", {{"MSE", 12.0}}},
+                                          {"cameras", {{"c0", 0.5}}}};
+  EXPECT_THAT(evaluation_table(evaluation), AllOf(HasSubstr("AMVIoU -"), HasSubstr("MPJPE - mm"),
+                                                  HasSubstr("outside 25.00 %"), HasSubstr("as filmed 12.00")));
 }
 
 TEST_F(SurfaceOverlapRejects, GroundTruthOfAnotherCharacter) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 
 #include "doppel/core/error.h"
@@ -18,6 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using support::message_of;
 using support::TemporaryFolder;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using torch::Tensor;
 
@@ -132,6 +134,55 @@ TEST_F(TrackedEvaluationTest, RejectsOtherFolders) {
   write_npy(folder / "dance_vertices.npy", wrong.data(), {3, 4, 3});
   EXPECT_THAT(message_of([&] { TrackedRun::load(folder, *character_); }),
               HasSubstr("for this character, found [3,4,3]"));
+}
+
+TEST_F(TrackedEvaluationTest, RejectsVerticesThatAreNotFinite) {
+  const fs::path folder = tracked("broken", 0.0);
+  NpyArray array = read_npy(folder / "dance_vertices.npy");
+  std::vector<float> values = array.as<float>();
+  values[3 * static_cast<std::size_t>(character_->num_vertices()) * 3 + 4] = std::nanf("");
+  write_npy(folder / "dance_vertices.npy", values.data(), array.shape);
+  EXPECT_THAT(message_of([&] { TrackedRun::load(folder, *character_); }),
+              AllOf(HasSubstr("dance_vertices.npy: row 3"), HasSubstr("not finite; 1 of 8 rows")));
+}
+
+TEST_F(TrackedEvaluationTest, RejectsMotionsThatAreNotFinite) {
+  const fs::path folder = tracked("broken motion", 0.0);
+  Motion motion = sequence().motion;
+  motion.frames[2][4] = std::nan("");
+  write_motion(folder / "dance.motion", motion, true);
+  EXPECT_THAT(message_of([&] { TrackedRun::load(folder, *character_); }), HasSubstr("dance.motion:4"));
+}
+
+TEST_F(TrackedEvaluationTest, KnowsTheCaptureThatWasTracked) {
+  const TrackedRun run = TrackedRun::load(tracked("same", 0.0), *character_);
+  EXPECT_EQ(run.other_capture(dataset_->capture()), "");
+  Capture other = dataset_->capture();
+  other.name = "berta";
+  EXPECT_THAT(run.other_capture(other), AllOf(HasSubstr("tube in "), HasSubstr("berta")));
+  other = dataset_->capture();
+  other.root = "/nowhere/berta";
+  EXPECT_THAT(run.other_capture(other), HasSubstr("/nowhere/berta"));
+}
+
+TEST_F(TrackedEvaluationTest, ErrorMapsAreRefusedBeforeAnythingIsMeasured) {
+  const fs::path folder = tracked("poses alone", 0.0);
+  fs::remove(folder / "dance_vertices.npy");
+  TrackedEvaluationOptions options;
+  options.error_maps = *folder_ / "maps";
+  const TrackedRun run = TrackedRun::load(folder, *character_);
+  EXPECT_THAT(message_of<UsageError>([&] { check_tracked(*dataset_, run, Split::test, options); }),
+              HasSubstr("--error-maps needs the true surface of dance"));
+  EXPECT_FALSE(fs::exists(options.error_maps));
+  options.error_maps.clear();
+  EXPECT_NO_THROW(check_tracked(*dataset_, run, Split::test, options));
+
+  const TrackedRun whole = TrackedRun::load(tracked("with vertices", 0.0), *character_);
+  options.error_maps = *folder_ / "maps";
+  options.ground_truth = false;
+  EXPECT_THROW(check_tracked(*dataset_, whole, Split::test, options), UsageError);
+  options.ground_truth = true;
+  EXPECT_NO_THROW(check_tracked(*dataset_, whole, Split::test, options));
 }
 
 }  // namespace

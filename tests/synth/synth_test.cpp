@@ -33,6 +33,7 @@
 #include "doppel/synth/repertoire.h"
 #include "doppel/synth/simulated_detector.h"
 #include "doppel/synth/studio.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::synth {
@@ -671,6 +672,53 @@ TEST_F(SynthCapture, NeverReplacesWhatItDidNotMake) {
   std::ofstream(foreign / "thesis.txt") << "irreplaceable\n";
   EXPECT_THROW(write_synthetic_capture(foreign, forced), UsageError);
   EXPECT_EQ(text_of(foreign / "thesis.txt"), "irreplaceable\n");
+
+  // Users put ground truth into captures that they filmed (docs/evaluation.md).
+  const fs::path filmed = folder_->path() / "filmed";
+  fs::create_directories(filmed / "ground_truth" / "dance");
+  fs::copy(root() / "capture.yaml", filmed / "capture.yaml");
+  std::ofstream(filmed / "README.txt") << "Filmed in May. Like a synthetic capture, made by `doppel synth`, but real\n";
+  EXPECT_THROW(write_synthetic_capture(filmed, forced), UsageError);
+  EXPECT_TRUE(fs::exists(filmed / "ground_truth" / "dance"));
+}
+
+TEST_F(SynthCapture, ForceNamesWhatOthersPutIntoIt) {
+  SynthOptions forced = shortest();
+  forced.force = true;
+  const fs::path copy = folder_->path() / "own files";
+  fs::copy(root(), copy, fs::copy_options::recursive);
+  fs::create_directories(copy / "tracked");
+  std::ofstream(copy / "training" / "notes.txt") << "irreplaceable\n";
+  const std::string message = support::message_of<UsageError>([&] { write_synthetic_capture(copy, forced); });
+  EXPECT_NE(message.find((copy / "tracked").string()), std::string::npos) << message;
+  EXPECT_NE(message.find((copy / "training" / "notes.txt").string()), std::string::npos) << message;
+  EXPECT_EQ(message.find("README.txt"), std::string::npos) << message;
+  EXPECT_TRUE(fs::exists(copy / "training" / "notes.txt"));
+}
+
+TEST_F(SynthCapture, ALinkStaysAndItsFolderIsReplaced) {
+  SynthOptions forced = shortest();
+  forced.force = true;
+  forced.seed = 2;
+  const fs::path real = folder_->path() / "real", link = folder_->path() / "link";
+  fs::copy(root(), real, fs::copy_options::recursive);
+  fs::create_directory_symlink(real, link);
+  ASSERT_TRUE(write_synthetic_capture(link, forced));
+  EXPECT_TRUE(fs::is_symlink(link));
+  EXPECT_NE(text_of(real / "README.txt").find("Seed 2."), std::string::npos);
+  fs::create_directory_symlink(folder_->path() / "nowhere", folder_->path() / "dangling");
+  EXPECT_THROW(write_synthetic_capture(folder_->path() / "dangling", forced), UsageError);
+}
+
+TEST_F(SynthCapture, NeverTakesThePlaceOfTheCurrentFolder) {
+  const fs::path before = fs::current_path(), inside = folder_->path() / "current" / "inside";
+  fs::create_directories(inside);
+  fs::current_path(inside);
+  EXPECT_THROW(write_synthetic_capture(".", shortest()), UsageError);
+  EXPECT_THROW(write_synthetic_capture(inside, shortest()), UsageError);
+  EXPECT_TRUE(fs::exists(inside));
+  EXPECT_FALSE(fs::exists(inside.parent_path() / ".inside.making"));
+  fs::current_path(before);
 }
 
 TEST(SynthRejects, OptionsOutOfRange) {
@@ -686,6 +734,11 @@ TEST(SynthRejects, OptionsOutOfRange) {
   refuses([](SynthOptions& o) { o.size = 8; });
   refuses([](SynthOptions& o) { o.frames = 0; });
   refuses([](SynthOptions& o) { o.test_frames = -1; });
+  refuses([](SynthOptions& o) {
+    o.turn = 90;
+    o.clips = o.test_clips = {"walk.bvh"};
+    o.frames = o.test_frames = 0;
+  });
   EXPECT_THROW(SynthOptions::preset("huge"), UsageError);
   EXPECT_THROW(synth_lens("mirror"), UsageError);
   EXPECT_THROW(make_cameras(1, 96, 1, Lens::polynomial), UsageError);

@@ -1,4 +1,6 @@
 // The commands that mend a rig, on a capture of a person who was never drawn: cameras and keypoint files are enough.
+#include "calibrate_rig.h"
+
 #include <gmock/gmock.h>
 
 #include <fstream>
@@ -9,9 +11,11 @@
 #include "calibration/estimation/rig_error.h"
 #include "calibration/estimation/walking_rig.h"
 #include "doppel/calibration/formats/read_calibration.h"
+#include "doppel/core/error.h"
 #include "doppel/data/capture/capture.h"
 #include "run_program.h"
 #include "support/hostile_files.h"
+#include "support/message_of.h"
 #include "support/oriented_image.h"
 #include "support/temporary_folder.h"
 
@@ -20,7 +24,9 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 /// The walker's points among those of BODY_25.
 constexpr std::array<int, support::kWalkerPoints> kInBody25{0, 1, 8, 5, 6, 7, 2, 3, 4, 12, 13, 14, 9, 10, 11};
@@ -112,6 +118,42 @@ TEST_F(CalibrateRig, RefineWritesACalibration) {
   ASSERT_EQ(table.code, 0) << table.err;
   EXPECT_THAT(table.out, HasSubstr("px after"));
   EXPECT_EQ(read_calibration(path("other.toml")).size(), ground_truth.size());
+  EXPECT_THAT(table.out, Not(HasSubstr("key `")));
+}
+
+TEST_F(CalibrateRig, RefineSaysWhichKeysWouldChangeItsResult) {
+  const std::vector<Camera> cameras = support::rig_of(3, 800);
+  support::FilmOptions options;
+  options.frames = 60;
+  write(cameras, cameras, options);
+  std::ofstream(path("capture.yaml"), std::ios::app) << "unit: m\nup: +y\n";
+  const Outcome found = run_words({"calibrate", "refine", path("capture.yaml"), "--points-only"});
+  ASSERT_EQ(found.code, 0) << found.err;
+  EXPECT_THAT(found.out, AllOf(HasSubstr("keys `unit` and `up`"), HasSubstr("capture amend --calibration")));
+}
+
+TEST_F(CalibrateRig, RefineRefusesBeforeItWorks) {
+  const std::vector<Camera> cameras = support::rig_of(3, 800);
+  support::FilmOptions options;
+  options.frames = 60;
+  write(cameras, cameras, options);
+  std::vector<std::string> words{"calibrate", "refine", path("capture.yaml")};
+  for (const Camera& camera : cameras) words.insert(words.end(), {"--fix", camera.name});
+  const Outcome fixed = run_words(words);
+  EXPECT_EQ(fixed.code, 2);
+  EXPECT_THAT(fixed.err, HasSubstr("all 3 cameras are fixed"));
+  fs::remove_all(path("keypoints"));  // the extension is refused before they are missed
+  const Outcome extension = run_words({"calibrate", "refine", path("capture.yaml"), "--out", path("y.txt")});
+  EXPECT_EQ(extension.code, 1);
+  EXPECT_THAT(extension.err, HasSubstr("found the extension \".txt\""));
+}
+
+TEST_F(CalibrateRig, AResultThatCannotBeWrittenIsWrittenBeside) {
+  std::vector<Camera> cameras = support::rig_of(2, 800);
+  cameras[0].name = "two words";
+  EXPECT_THAT(support::message_of<Error>([&] { write_result(path("x.calibration"), cameras); }),
+              AllOf(HasSubstr("must be one word"), HasSubstr("x.calibration.yml instead")));
+  EXPECT_EQ(read_calibration(path("x.calibration.yml")).size(), 2U);
 }
 
 /// Pose of the board of one view.
@@ -157,6 +199,12 @@ TEST_F(CalibrateRig, BoardCalibratesFromFoldersOfImages) {
       run_words({"calibrate", "board", path("left"), "--board", "chessboard:5x4", "--out", path("c.toml")});
   EXPECT_EQ(wrong.code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("is no board"));
+  // Before the first image is read: the folder holds none.
+  fs::create_directories(path("empty"));
+  const Outcome target = run_words(
+      {"calibrate", "board", path("empty"), "--board", "chessboard:5x4:40mm", "--out", path("cameras.calibration")});
+  EXPECT_EQ(target.code, 2);
+  EXPECT_THAT(target.err, HasSubstr("cannot hold lens distortion"));
 }
 
 // As footage: the camera of the calibration is the one whose images are shown upright.
@@ -174,7 +222,10 @@ TEST_F(CalibrateRig, BoardObeysExifOrientations) {
                                        "chessboard:5x4:40mm", "--out", path("phone.yml")};
   const Outcome found = run_words(words);
   ASSERT_EQ(found.code, 0) << found.err;
-  const Camera calibrated = read_calibration(path("phone.yml")).at(0);
+  // One camera alone has no pose.
+  const Calibration alone = load_calibration(path("phone.yml"));
+  EXPECT_FALSE(alone.has_poses);
+  const Camera calibrated = alone.cameras.at(0);
   EXPECT_EQ(cv::Size(calibrated.width, calibrated.height), cv::Size(400, 300));
   EXPECT_NEAR(calibrated.K(0, 2), camera.K(0, 2), 4.0);
   EXPECT_NEAR(calibrated.K(1, 2), camera.K(1, 2), 4.0);

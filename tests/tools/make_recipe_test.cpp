@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 
 #include "doppel/train/stage_chain.h"
@@ -20,7 +21,8 @@ const MakeRecipe& recipe() {
 std::map<std::string, long> steps_of(const std::vector<std::string>& settings) {
   std::map<std::string, long> steps;
   for (const std::string& setting : settings)
-    steps[setting.substr(0, setting.find('.'))] = std::stol(setting.substr(setting.find('=') + 1));
+    if (setting.find(".train.iterations=") != std::string::npos)
+      steps[setting.substr(0, setting.find('.'))] = std::stol(setting.substr(setting.find('=') + 1));
   return steps;
 }
 
@@ -50,6 +52,19 @@ TEST(MakeRecipe, FillsTheTimeInTheSameProportion) {
 TEST(MakeRecipe, TrainsLongerOnMoreFrames) {
   const auto found = steps_of(fit_recipe(recipe(), every_step_takes(0.1), 900, 1e6));
   for (const auto& [stage, steps] : recipe().steps) EXPECT_EQ(found.at(stage), 3 * steps) << stage;
+}
+
+/// Where little time is left, the learning rate still reaches its height and falls again.
+TEST(MakeRecipe, ShortensTheWarmUpWithTheSteps) {
+  const std::vector<std::string> settings = fit_recipe(recipe(), every_step_takes(0.1), 300, 1.0);
+  const auto expect = [&](const std::string& setting, bool there) {
+    EXPECT_EQ(std::find(settings.begin(), settings.end(), setting) != settings.end(), there) << setting;
+  };
+  expect("egnet.train.iterations=50", true);
+  expect("egnet.train.warmup=5", true);
+  expect("deltanet.train.warmup=5", true);
+  for (const std::string& setting : fit_recipe(recipe(), every_step_takes(0.1), 300, 1e6))
+    EXPECT_EQ(setting.find("warmup"), std::string::npos) << setting;
 }
 
 /// Both recipes are chains that `doppel train` accepts.

@@ -183,6 +183,23 @@ TEST(ProgramRejects, WrongUseWithTwo) {
   EXPECT_EQ(run("info x --log-level loud").code, 2);
 }
 
+TEST(ProgramRejects, NumbersThatAreNotFinite) {
+  for (const std::string line :
+       {"animate --character x --motion y --out z --format glb --tolerance nan",
+        "animate --character x --motion y --out z --fps nan", "animate --character x --motion y --out z --unit nan",
+        "capture amend x --hold-out --validation-share nan --out y", "info x --metres-per-unit inf",
+        "animate --character x --motion y --out z --turns-per-second inf"}) {
+    const Outcome found = run(line);
+    EXPECT_EQ(found.code, 2) << line;
+    EXPECT_THAT(found.err, ::testing::AnyOf(HasSubstr("not a finite number"), HasSubstr("not a number above 0"),
+                                            HasSubstr("not in range")))
+        << line;
+  }
+  const Outcome negative = run("info x --metres-per-unit -1");
+  EXPECT_EQ(negative.code, 2);
+  EXPECT_THAT(negative.err, HasSubstr("-1 is not a number above 0"));
+}
+
 TEST(ProgramReference, HelpOfTrackingHasTheOptionsOfTheMethodAlone) {
   const std::map<std::string, std::string> owners{{"--surface", "track"},          {"--scale", "track"},
                                                   {"--place-landmarks", "track"},  {"--no-film", "track deepcap"},
@@ -304,6 +321,22 @@ TEST_F(ProgramRecovers, TheModelFitsUnseenMotionBetterThanSkinning) {
   EXPECT_LE(egnet, 1.0);
 }
 
+// Runs that others share are often not to be written into.
+TEST_F(ProgramRecovers, FiguresOfARunThatCannotBeWrittenAreNotLost) {
+  namespace fs = std::filesystem;
+  fs::copy(at("run"), at("shared"), fs::copy_options::recursive);
+  fs::remove(at("shared/evaluation.json"));
+  fs::create_directories(at("shared/evaluation.json/taken"));
+  const std::string evaluate = "evaluate --run " + at("shared") + " --split test --every 6 --json";
+  const Outcome refused = run(evaluate);
+  EXPECT_EQ(refused.code, 1);
+  EXPECT_EQ(refused.out, "") << "before anything is measured";
+  EXPECT_THAT(refused.err, HasSubstr("--out FOLDER"));
+  const Outcome outcome = step(evaluate + " --out " + at("figures"));
+  EXPECT_THAT(outcome.err, HasSubstr("no copy of the results"));
+  EXPECT_EQ(nlohmann::json::parse(outcome.out), nlohmann::json::parse(read_file(at("figures/evaluation.json"))));
+}
+
 TEST_F(ProgramRecovers, TheRunFolderHoldsWhatItPromises) {
   for (const char* name : {"config.yaml", "report.html", "actor.pt", "egnet/config.yaml", "egnet/metrics.jsonl",
                            "egnet/checkpoints/latest"})
@@ -399,6 +432,8 @@ TEST_F(ProgramRecovers, WrongCamerasAndMapsAreNamed) {
               AllOf(HasSubstr("--background capture needs"), HasSubstr("--capture PREPARED --camera NAME")));
   EXPECT_THAT(complaint(" --background nowhere.png", 2), AllOf(HasSubstr("'nowhere.png'"), HasSubstr("#rrggbb")));
   EXPECT_THAT(complaint(" --map x.yaml", 2), AllOf(HasSubstr("--map is for"), HasSubstr("--source-skeleton")));
+  for (const std::string option : {"--up z", "--unit 0.01", "--person x", "--animation x"})
+    EXPECT_THAT(complaint(" " + option, 2), HasSubstr("is for files of another body")) << option;
   write_atomically(at("bad_map.yaml"), "joints:\n  Root: Root\n  LeftArn: LeftArm\n");
   const std::string map_error = complaint(
       " --map " + at("bad_map.yaml") + " --source-skeleton " + character_file(at("capture/character"), ".skeleton"), 1);

@@ -130,6 +130,20 @@ TEST_F(Adapt, RefusesToDrift) {
   EXPECT_EQ(weights_checksum(*kept.defnet), weights_checksum(*studio.defnet));
 }
 
+TEST_F(Adapt, FramesOfTheStudioAreNotThoseOfTheClip) {
+  fs::copy(*folder_ / "run", *folder_ / "studio", fs::copy_options::recursive);
+  for (const std::string kind : {"posenet", "defnet"}) {
+    const fs::path config = *folder_ / "studio" / kind / "config.yaml";
+    write_atomically(config,
+                     ConfigDocument::load(config, {"data.frames=[0, 1]", "model.pretrained=gone.pth"}).resolved());
+  }
+  AdaptOptions wanted = options("all_frames", kQuick);
+  wanted.run = *folder_ / "studio";
+  adapt(wanted);
+  const ConfigDocument tuned = ConfigDocument::load(*folder_ / "all_frames" / "posenet" / "config.yaml");
+  EXPECT_TRUE(tuned.root().section("data").list<long>("frames").empty());
+}
+
 TEST_F(Adapt, Rejects) {
   const auto complaint = [](const AdaptOptions& wrong) { return message_of<UsageError>([&] { adapt(wrong); }); };
   AdaptOptions wrong = options("other", kQuick);

@@ -65,6 +65,8 @@ TEST(HybridPlanReference, RoundsFollowEachOtherAndEachPhaseFallsFromItsRate) {
 
 TEST(HybridPlanRejects, NothingToTrain) {
   EXPECT_THAT(message_of([] { plan_of("rounds: [{field: 0, refine: 0}]\n"); }), HasSubstr("c.yaml:1"));
+  EXPECT_THAT(message_of([] { plan_of("{rounds: [], joint: 0}\n"); }), HasSubstr("no round has any steps"));
+  EXPECT_EQ(plan_of("{rounds: [], joint: 3}\n").iterations(), 3);
 }
 
 TEST(HybridConfigurations, ThatComeAlongAreReadable) {

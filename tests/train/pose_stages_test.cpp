@@ -88,6 +88,7 @@ TEST(PoseConfigurations, MistakesAreNamed) {
   };
   EXPECT_THAT(complaint("stage: deepcap\ndefnet: {}\n"), HasSubstr("--set 'posenet={run: RUN}'"));
   EXPECT_THAT(complaint("stage: posenet\ntrain: {iterations: 3}\n"), HasSubstr("phases"));
+  EXPECT_THAT(complaint("stage: posenet\nphases: []\n"), HasSubstr("the list is empty"));
   EXPECT_THAT(complaint("stage: posenet\nmodel: {backbon: resnet18}\n"), HasSubstr("backbone"));
   EXPECT_THAT(complaint("stage: deepcap\nposenet: {}\negnet: {}\n"), HasSubstr("unknown key"));
 }

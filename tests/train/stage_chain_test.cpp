@@ -141,6 +141,53 @@ TEST_F(StageChainReference, TheTrainedActorHasWhatWasTrained) {
   EXPECT_FALSE(texture.requires_grad());
 }
 
+std::string config_of(const fs::path& run) { return read_file(run / "config.yaml"); }
+
+TEST_F(StageChainRejects, AnotherConfigurationAndLeavesTheRunAsItWas) {
+  const fs::path run = *folder_ / "run";
+  const std::string before = config_of(run), of_egnet = config_of(run / "egnet");
+  EXPECT_THAT(message_of<UsageError>([&] { train_stages(chain({"validation.share=0.25"}), run, {}); }),
+              HasSubstr("another configuration"));
+  EXPECT_EQ(config_of(run), before);
+  EXPECT_EQ(config_of(run / "egnet"), of_egnet);
+  SmallCaptureOptions other;
+  other.textured = true;
+  other.thickness = 0.06;
+  const fs::path recording = make_small_capture(*folder_ / "again", other);
+  EXPECT_THAT(message_of<UsageError>([&] { train_stages(chain({"capture=" + recording.string()}), run, {}); }),
+              HasSubstr("another recording"));
+  EXPECT_EQ(config_of(run), before);
+  EXPECT_EQ(config_of(run / "egnet"), of_egnet);
+  const fs::path fresh = *folder_ / "fresh";
+  EXPECT_THAT(message_of<Error>([&] { train_stages(chain({"egnet={run: " + recording.string() + "}"}), fresh, {}); }),
+              HasSubstr("again"));
+  EXPECT_FALSE(fs::exists(fresh / "config.yaml"));
+}
+
+TEST_F(StageChainRejects, RunsThatNameThemselves) {
+  const fs::path run = *folder_ / "run";
+  EXPECT_THAT(message_of<UsageError>([&] { train_stages(chain({"egnet={run: " + run.string() + "}"}), run, {}); }),
+              HasSubstr("names this folder itself"));
+  const auto borrow = [&](const std::string& from, const std::string& name) {
+    write_atomically(*folder_ / name / "config.yaml", "stage: ddc\negnet: {run: " + (*folder_ / from).string() + "}\n");
+  };
+  borrow("a", "b");
+  borrow("b", "a");
+  EXPECT_THAT(message_of<Error>([&] { stage_folder(*folder_ / "a", "egnet"); }), HasSubstr("in a circle"));
+}
+
+TEST_F(StageChainReference, AChainThatStoppedInItsFirstStageResumes) {
+  const std::vector<std::string> short_chain{"lighting.train.iterations=2", "deltanet.train.iterations=1"};
+  ChainOptions options;
+  options.stages = {"egnet"};
+  train_stages(chain(short_chain), *folder_ / "stopped", options);
+  options.stages = {"egnet", "lighting"};
+  options.mode = RunMode::resume;
+  EXPECT_EQ(train_stages(chain(short_chain), *folder_ / "stopped", options).size(), 2u);
+  EXPECT_THAT(message_of<UsageError>([&] { train_stages(chain(short_chain), *folder_ / "new", options); }),
+              HasSubstr("no checkpoint"));
+}
+
 TEST_F(StageChainRejects, ATextureUnderLightThatNobodyLearnt) {
   TrainedActor actor = TrainedActor::load(*folder_ / "run");
   const TexNetConfig config = actor.texnet->config();

@@ -216,6 +216,29 @@ TEST(TrainerRejects, OtherDataThanTheCheckpoints) {
               AllOf(HasSubstr("toy data"), HasSubstr("another actor"), HasSubstr("--overwrite")));
 }
 
+/// A toy whose data have a checksum.
+class CheckedToy : public ToyStage {
+ public:
+  explicit CheckedToy(std::string sum) : sum_(std::move(sum)) {}
+  std::string content() const override { return sum_; }
+  void begin() override { ++begun; }
+  int begun = 0;
+
+ private:
+  std::string sum_;
+};
+
+TEST(TrainerRejects, AnotherRecordingOfTheSameName) {
+  const TemporaryFolder folder;
+  const RunFolder run = open_run(folder / "run");
+  CheckedToy stage("1234"), same("1234"), other("5678");
+  Trainer(stage, quick(10), run).run();
+  EXPECT_EQ(stage.begun, 1);
+  EXPECT_THAT(message_of<UsageError>([&] { Trainer(other, quick(20), run).run(); }), HasSubstr("another recording"));
+  Trainer(same, quick(20), run).run();
+  EXPECT_EQ(same.begun, 0) << "it resumed";
+}
+
 TEST(RunFolderRejects, AnotherConfigurationNamingTheKeys) {
   const TemporaryFolder folder;
   const RunFolder run(folder / "run");
@@ -232,6 +255,12 @@ TEST(RunFolderRejects, AnotherConfigurationNamingTheKeys) {
   run.open(other, RunMode::overwrite);
   EXPECT_TRUE(CheckpointFolder(run.checkpoints()).steps().empty());
   EXPECT_FALSE(std::filesystem::exists(run.metrics()));
+}
+
+TEST(RunFolderReference, EqualNumbersAreNoDifference) {
+  EXPECT_TRUE(config_differences("a: {rate: 2e-3, list: [1, 0.5]}\n", "a: {rate: 0.002, list: [1.0, 5e-1]}\n").empty());
+  EXPECT_EQ(config_differences("a: 2e-3\n", "a: 3e-3\n").size(), 1u);
+  EXPECT_EQ(config_differences("a: [1, 2]\n", "a: [2, 1]\n").size(), 1u);
 }
 
 TEST(RunFolderRejects, FoldersThatAreNotRuns) {

@@ -1,16 +1,21 @@
 #include "doppel/calibration/estimation/calibrate_board.h"
 
+#include <fmt/ranges.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
 
 #include "doppel/calibration/estimation/camera_jacobian.h"
+#include "doppel/calibration/estimation/fit_lens.h"
 #include "doppel/calibration/estimation/reprojection.h"
+#include "doppel/core/angles.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/statistics.h"
@@ -32,6 +37,10 @@ constexpr double kUncertainFocal = 0.05;  // relative standard deviation
 constexpr double kMinTilt = 0.14;         // radians between the image and the board, in the view with the largest
 constexpr double kBoardKernel = 3.0;      // pixels of an image 1024 wide
 constexpr std::size_t kMinSharedViews = 1;
+constexpr double kBadFit = 3.0;        // pixels of an image 1024 wide; the middle view of a wrong board is far worse
+constexpr double kExtrapolated = 1.5;  // times the angle of the farthest corner; the image should not reach beyond
+constexpr double kLargestRoll = 20.0 * kRadiansPerDegree;  // of a camera about its axis, against the others
+constexpr double kMinLevel = 0.2;  // sine of the angle between a camera's axis and up, where its roll is known
 constexpr double kShareThatAgrees = 0.8, kMaxDisagreement = 6.0;  // of the corners; pixels of an image 1024 wide
 
 /// A rigid motion x -> R x + t.
@@ -43,14 +52,8 @@ struct Rigid {
   Rigid inverse() const { return {R.transpose(), -(R.transpose() * t)}; }
 };
 
-struct CvView {
-  long instant = 0;
-  std::vector<cv::Point3f> board;
-  std::vector<cv::Point2f> image;
-};
-
 /// Where the board lies in the image: middle, size and perspective, as shares of the image.
-Eigen::Matrix<double, 5, 1> features_of(const CvView& view, int width, int height) {
+Eigen::Matrix<double, 5, 1> features_of(const LensView& view, int width, int height) {
   const cv::RotatedRect box = cv::minAreaRect(view.image);
   Eigen::Matrix<double, 5, 1> features;
   const double angle = box.angle * CV_PI / 180.0;
@@ -62,10 +65,10 @@ Eigen::Matrix<double, 5, 1> features_of(const CvView& view, int width, int heigh
 }
 
 /// At most `most` views, those whose positions differ most.
-std::vector<CvView> different_views(std::vector<CvView> views, int width, int height, std::size_t most) {
+std::vector<LensView> different_views(std::vector<LensView> views, int width, int height, std::size_t most) {
   if (views.size() <= most) return views;
   std::vector<double> apart(views.size(), std::numeric_limits<double>::infinity());
-  std::vector<CvView> chosen;
+  std::vector<LensView> chosen;
   std::size_t next = 0;
   while (chosen.size() < most) {
     chosen.push_back(views[next]);
@@ -77,11 +80,11 @@ std::vector<CvView> different_views(std::vector<CvView> views, int width, int he
   return chosen;
 }
 
-std::vector<CvView> views_of(const BoardSightings& sightings, const Board& board) {
-  std::vector<CvView> views;
+std::vector<LensView> views_of(const BoardSightings& sightings, const Board& board) {
+  std::vector<LensView> views;
   for (const auto& [instant, seen] : sightings.views) {
     if (seen.corners.size() < kMinCornersOfView || seen.corners.size() != seen.pixels.size()) continue;
-    CvView view{instant, {}, {}};
+    LensView view{instant, {}, {}};
     for (std::size_t i = 0; i < seen.corners.size(); ++i) {
       const Vector3d corner = board.corner(seen.corners[i]);
       view.board.emplace_back(static_cast<float>(corner.x()), static_cast<float>(corner.y()), 0.0F);
@@ -92,73 +95,10 @@ std::vector<CvView> views_of(const BoardSightings& sightings, const Board& board
   return views;
 }
 
-/// One run of OpenCV's calibration.
-struct Fit {
-  cv::Mat K, distortion;
-  std::vector<double> errors;  ///< root mean square of each view, pixels
-  double rms = 0.0, focal_sigma = 0.0;
-  double tilt = 0.0;  ///< largest angle between the image and a board, radians
-};
-
-double largest_tilt(const std::vector<cv::Mat>& turns) {
-  double largest = 0.0;
-  for (const cv::Mat& turn : turns) {
-    cv::Mat rotation;
-    cv::Rodrigues(turn, rotation);
-    largest = std::max(largest, std::acos(std::min(1.0, std::abs(rotation.at<double>(2, 2)))));
-  }
-  return largest;
-}
-
-Fit fit_fisheye(const std::vector<std::vector<cv::Point3f>>& board, const std::vector<std::vector<cv::Point2f>>& image,
-                const cv::Size& size) {
-  std::vector<std::vector<cv::Point3d>> board_points;
-  std::vector<std::vector<cv::Point2d>> image_points;
-  for (std::size_t v = 0; v < board.size(); ++v) {
-    board_points.emplace_back(board[v].begin(), board[v].end());
-    image_points.emplace_back(image[v].begin(), image[v].end());
-  }
-  Fit fit;
-  std::vector<cv::Mat> turns, shifts;
-  const int flags = cv::fisheye::CALIB_RECOMPUTE_EXTRINSIC | cv::fisheye::CALIB_FIX_SKEW;
-  fit.rms = cv::fisheye::calibrate(board_points, image_points, size, fit.K, fit.distortion, turns, shifts, flags);
-  fit.tilt = largest_tilt(turns);
-  double corners = 0.0;
-  for (std::size_t v = 0; v < board.size(); ++v) {
-    std::vector<cv::Point2d> projected;
-    cv::fisheye::projectPoints(board_points[v], projected, turns[v], shifts[v], fit.K, fit.distortion);
-    fit.errors.push_back(cv::norm(projected, image_points[v]) / std::sqrt(static_cast<double>(projected.size())));
-    corners += static_cast<double>(projected.size());
-  }
-  // Of the order of the error of one corner, spread over all corners at a quarter of the image's width.
-  fit.focal_sigma = 4.0 * fit.rms * fit.K.at<double>(0, 0) / size.width / std::sqrt(corners);
-  return fit;
-}
-
-Fit fit_lens(const std::vector<CvView>& views, const cv::Size& size, Lens lens) {
-  std::vector<std::vector<cv::Point3f>> board;
-  std::vector<std::vector<cv::Point2f>> image;
-  for (const CvView& view : views) {
-    board.push_back(view.board);
-    image.push_back(view.image);
-  }
-  if (lens == Lens::fisheye) return fit_fisheye(board, image, size);
-  Fit fit;
-  std::vector<cv::Mat> turns, shifts;
-  cv::Mat sigmas, pose_sigmas, errors;
-  // k3 is left at 0: a few views of a flat board do not determine it, and it then bends the corners of the image.
-  fit.rms = cv::calibrateCamera(board, image, size, fit.K, fit.distortion, turns, shifts, sigmas, pose_sigmas, errors,
-                                cv::CALIB_FIX_K3);
-  fit.focal_sigma = sigmas.at<double>(0);
-  fit.tilt = largest_tilt(turns);
-  for (int v = 0; v < errors.rows; ++v) fit.errors.push_back(errors.at<double>(v));
-  return fit;
-}
-
 /// Removes the views that are far worse than the others. @return whether any was
-bool drop_worst(std::vector<CvView>& views, const Fit& fit, std::size_t fewest) {
+bool drop_worst(std::vector<LensView>& views, const LensFit& fit, std::size_t fewest) {
   const double limit = std::max(kWorstPixels, kWorstOfMedian * quantile(fit.errors, 0.5));
-  std::vector<CvView> kept;
+  std::vector<LensView> kept;
   for (std::size_t v = 0; v < views.size(); ++v)
     if (fit.errors[v] <= limit) kept.push_back(views[v]);
   if (kept.size() == views.size() || kept.size() < fewest) return false;
@@ -166,7 +106,7 @@ bool drop_worst(std::vector<CvView>& views, const Fit& fit, std::size_t fewest) 
   return true;
 }
 
-Camera camera_of(const Fit& fit, const BoardSightings& sightings, Lens lens) {
+Camera camera_of(const LensFit& fit, const BoardSightings& sightings, Lens lens) {
   Camera camera;
   camera.name = sightings.camera;
   camera.width = sightings.width;
@@ -391,6 +331,7 @@ class BoardRig {
     } else {
       for (const Camera& camera : cameras_) up -= camera.R.row(1).transpose();
       if (!(up.norm() > 1e-6)) up = -cameras_[0].R.row(1).transpose();
+      note_of_rolled_camera(up.normalized());
     }
     const Matrix3d turn = rotation_between(up.normalized(), Vector3d::UnitY()).toRotationMatrix();
     Vector3d origin = Vector3d::Zero();
@@ -444,6 +385,24 @@ class BoardRig {
       seen_.push_back({camera, instants_.at(instant), board_.corner(view.corners[i]), view.pixels[i]});
   }
 
+  /// A camera that is mounted on its side turns the mean direction that is up in the images.
+  void note_of_rolled_camera(const Vector3d& up) {
+    double largest = 0.0;
+    std::string name;
+    for (const Camera& camera : cameras_) {
+      const double right = camera.R.row(0).dot(up), upwards = -camera.R.row(1).dot(up);
+      const double roll = std::hypot(right, upwards) < kMinLevel ? 0.0 : std::abs(std::atan2(right, upwards));
+      if (roll <= largest) continue;
+      largest = roll;
+      name = camera.name;
+    }
+    if (largest > kLargestRoll)
+      result_.notes.push_back(fmt::format(
+          "up is uncertain: the directions that are up in the images disagree (camera {} is turned by {:.0f} "
+          "degrees about its axis against their mean); give --floor, or mend it by `doppel calibrate world`",
+          name, largest / kRadiansPerDegree));
+  }
+
   double lowest_corner(const Matrix3d& turn) const {
     double lowest = std::numeric_limits<double>::infinity();
     for (const BoardProblem::Seen& seen : seen_) {
@@ -463,12 +422,118 @@ class BoardRig {
   std::vector<BoardProblem::Seen> seen_;
 };
 
-void add_notes_of_poses(BoardCalibration& result) {
-  for (const BoardCamera& camera : result.cameras)
-    if (!camera.posed)
-      result.notes.push_back(
-          fmt::format("camera {}: no other camera saw the board at the same instants, so its pose is unknown",
-                      camera.intrinsics.camera.name));
+/// [C] cameras that boards connect, directly or by others, have the same number.
+std::vector<std::size_t> groups_of(const std::vector<Poses>& poses) {
+  std::vector<std::size_t> groups(poses.size());
+  std::iota(groups.begin(), groups.end(), std::size_t{0});
+  for (std::size_t a = 0; a < poses.size(); ++a)
+    for (std::size_t b = 0; b < a; ++b)
+      if (shared_instants(poses[a], poses[b]) >= kMinSharedViews)
+        std::replace(groups.begin(), groups.end(), std::size_t{groups[a]}, std::size_t{groups[b]});
+  return groups;
+}
+
+void add_notes_of_poses(const std::vector<Poses>& poses, BoardCalibration& result) {
+  std::vector<std::string> posed;
+  std::map<std::size_t, std::vector<std::string>> others;
+  const std::vector<std::size_t> groups = groups_of(poses);
+  for (std::size_t c = 0; c < result.cameras.size(); ++c) {
+    const BoardCamera& camera = result.cameras[c];
+    (camera.posed ? posed : others[groups[c]]).push_back(camera.intrinsics.camera.name);
+  }
+  for (const auto& [group, names] : others) {
+    if (names.empty()) continue;
+    result.notes.push_back(
+        names.size() == 1
+            ? fmt::format("camera {}: no other camera saw the board at the same instants, so its pose is unknown",
+                          names.front())
+            : fmt::format("the cameras {} see the board together, but never with {}, so their poses are unknown; show "
+                          "it to both groups at once",
+                          fmt::join(names, ", "), fmt::join(posed, ", ")));
+  }
+}
+
+/// Whether most views are far off, in plain words; empty when they fit.
+std::string bad_fit(const LensFit& fit, const BoardSightings& sightings, const Board& board) {
+  const double middle = quantile(fit.errors, 0.5);
+  if (middle * kRigReferenceWidth / sightings.width <= kBadFit) return "";
+  return fmt::format(
+      "most views of the board fit badly (the corners of the middle one are {:.1f} pixels off): are the numbers of {} "
+      "of the board right, {} x {}?",
+      middle, board.kind == Board::Kind::chessboard ? "inner corners" : "squares", board.columns, board.rows);
+}
+
+/// What the user should know of a lens, plain sentences.
+std::vector<std::string> notes_of_lens(const Camera& camera, const LensFit& fit) {
+  std::vector<std::string> notes;
+  const double image = angle_of_image_corner(camera);
+  if (const auto angle = angle_of_turning_back(camera))
+    notes.push_back(
+        fmt::format("the lens is wrong beyond {:.0f} degrees from its axis, where it turns back before the corner of "
+                    "the image; show the board near the corners of the image",
+                    *angle / kRadiansPerDegree));
+  else if (camera.lens == Lens::fisheye && image > kExtrapolated * fit.largest_angle)
+    notes.push_back(
+        fmt::format("the board was seen up to {:.0f} degrees from the axis of the lens, the image reaches to {:.0f}: "
+                    "between them, the lens is extrapolated; show the board near the corners of the image",
+                    fit.largest_angle / kRadiansPerDegree, image / kRadiansPerDegree));
+  return notes;
+}
+
+/// @throws Error when the views do not determine the focal length
+void check_lens(const CameraIntrinsics& found, const LensFit& fit, const std::string& misfit) {
+  const double focal = found.camera.K(0, 0);
+  if (found.camera.faults().empty() && fit.tilt >= kMinTilt && found.focal_sigma <= kUncertainFocal * focal) return;
+  fail(
+      "calibrating camera {}: the focal length stays uncertain ({:.0f} +- {:.0f} pixels); the board must be seen at "
+      "different angles, not only face to face{}",
+      found.camera.name, focal, found.focal_sigma, misfit.empty() ? "" : "; " + misfit);
+}
+
+/// The intrinsics of all cameras that can be calibrated, and the poses of the board in their axes. A note names each
+/// camera that is left out.
+struct BoardCameras {
+  std::vector<BoardSightings> sightings;  ///< of the cameras that are kept
+  std::vector<Poses> poses;
+};
+
+BoardCameras calibrate_each(const std::vector<BoardSightings>& sightings, const Board& board,
+                            const BoardCalibrationOptions& options, BoardCalibration& result) {
+  BoardCameras kept;
+  std::vector<std::string> failures;
+  for (const BoardSightings& seen : sightings) {
+    BoardCamera camera;
+    try {
+      camera.intrinsics = calibrate_intrinsics(seen, board, options);
+    } catch (const UsageError&) {
+      throw;
+    } catch (const Error& error) {
+      failures.emplace_back(error.what());
+      continue;
+    }
+    camera.boards = seen.views.size();
+    for (const std::string& note : camera.intrinsics.notes)
+      result.notes.push_back(fmt::format("camera {}: {}", seen.camera, note));
+    Poses of_camera;
+    for (const auto& [instant, view] : seen.views)
+      if (const auto pose = board_pose(camera.intrinsics.camera, board, view)) of_camera[instant] = *pose;
+    kept.sightings.push_back(seen);
+    kept.poses.push_back(std::move(of_camera));
+    result.cameras.push_back(std::move(camera));
+  }
+  if (result.cameras.empty()) fail("{}", fmt::join(failures, "; "));
+  for (const std::string& failure : failures) result.notes.push_back("a camera is left out: " + failure);
+  return kept;
+}
+
+void count_shared(const std::vector<Poses>& poses, BoardCalibration& result) {
+  for (std::size_t a = 0; a < poses.size(); ++a) {
+    std::set<long> shared;
+    for (std::size_t b = 0; b < poses.size(); ++b)
+      for (const auto& [instant, pose] : poses[a])
+        if (a != b && poses[b].count(instant) > 0) shared.insert(instant);
+    result.cameras[a].shared = shared.size();
+  }
 }
 
 }  // namespace
@@ -477,35 +542,30 @@ CameraIntrinsics calibrate_intrinsics(const BoardSightings& sightings, const Boa
                                       const BoardCalibrationOptions& options) {
   if (options.lens == Lens::polynomial)
     fail<UsageError>("calibrating camera {}: boards calibrate the lenses opencv and fisheye", sightings.camera);
-  std::vector<CvView> views = views_of(sightings, board);
-  if (views.size() < std::max<std::size_t>(3, options.fewest_views))
+  std::vector<LensView> views = views_of(sightings, board);
+  const std::size_t fewest = std::max<std::size_t>(3, options.fewest_views);
+  if (views.size() < fewest)
     fail(
         "calibrating camera {}: the board {} was found in {} images, at least {} are needed; show the whole board, "
-        "flat "
-        "and in focus, or check its numbers of corners",
-        sightings.camera, board.to_string(), views.size(), std::max<std::size_t>(3, options.fewest_views));
+        "flat and in focus, or check its numbers of corners",
+        sightings.camera, board.to_string(), views.size(), fewest);
   views = different_views(std::move(views), sightings.width, sightings.height, options.most_views);
-  CameraIntrinsics result;
-  double tilt = 0.0;
+  LensFit fit;
   try {
-    Fit fit = fit_lens(views, {sightings.width, sightings.height}, options.lens);
+    fit = fit_lens(views, {sightings.width, sightings.height}, options.lens);
     if (drop_worst(views, fit, options.fewest_views))
       fit = fit_lens(views, {sightings.width, sightings.height}, options.lens);
-    tilt = fit.tilt;
-    result = {camera_of(fit, sightings, options.lens), fit.rms, fit.focal_sigma, views.size()};
   } catch (const cv::Exception& error) {
     fail(
         "calibrating camera {}: OpenCV finds no solution from {} views of the board ({}); show the board from other "
         "sides",
         sightings.camera, views.size(), error.err);
   }
-  const double focal = result.camera.K(0, 0);
-  const std::vector<std::string> faults = result.camera.faults();
-  if (!faults.empty() || !(tilt >= kMinTilt) || !(result.focal_sigma <= kUncertainFocal * focal))
-    fail(
-        "calibrating camera {}: the focal length stays uncertain ({:.0f} +- {:.0f} pixels); the board must be seen at "
-        "different angles, not only face to face",
-        sightings.camera, focal, result.focal_sigma);
+  CameraIntrinsics result{camera_of(fit, sightings, options.lens), fit.rms, fit.focal_sigma, views.size(), {}};
+  const std::string misfit = bad_fit(fit, sightings, board);
+  check_lens(result, fit, misfit);
+  result.notes = notes_of_lens(result.camera, fit);
+  if (!misfit.empty()) result.notes.push_back(misfit);
   return result;
 }
 
@@ -513,39 +573,23 @@ BoardCalibration calibrate_boards(const std::vector<BoardSightings>& sightings, 
                                   const BoardCalibrationOptions& options) {
   if (sightings.empty()) fail("calibrating by a board: no camera was given");
   BoardCalibration result;
-  std::vector<Poses> poses;
-  for (const BoardSightings& seen : sightings) {
-    BoardCamera camera;
-    camera.intrinsics = calibrate_intrinsics(seen, board, options);
-    Poses of_camera;
-    for (const auto& [instant, view] : seen.views)
-      if (const auto pose = board_pose(camera.intrinsics.camera, board, view)) of_camera[instant] = *pose;
-    poses.push_back(std::move(of_camera));
-    result.cameras.push_back(std::move(camera));
-  }
-  for (std::size_t a = 0; a < poses.size(); ++a) {
-    std::set<long> shared;
-    for (std::size_t b = 0; b < poses.size(); ++b)
-      for (const auto& [instant, pose] : poses[a])
-        if (a != b && poses[b].count(instant) > 0) shared.insert(instant);
-    result.cameras[a].shared = shared.size();
-  }
+  const BoardCameras cameras = calibrate_each(sightings, board, options, result);
+  count_shared(cameras.poses, result);
   if (board.kind == Board::Kind::chessboard && (board.columns + board.rows) % 2 == 0 && sightings.size() > 1)
     result.notes.push_back(
         "the chessboard looks the same upside down, so cameras may see its corners in different order; for poses, use "
         "a board whose numbers of inner corners are one even and one odd, or a ChArUco board");
-  BoardRig rig(sightings, board, poses, result);
+  BoardRig rig(cameras.sightings, board, cameras.poses, result);
   if (!rig.empty()) {
     rig.adjust();
     if (rig.agrees()) {
       rig.stand_up(options.floor);
       rig.report();
-      add_notes_of_poses(result);
+      add_notes_of_poses(cameras.poses, result);
     } else {
       result.notes.emplace_back(
           "no poses: images of the same number show the board at different positions, so they were not taken at the "
-          "same "
-          "instants");
+          "same instants");
     }
   } else if (sightings.size() > 1) {
     result.notes.emplace_back("no poses: no two cameras saw the board at the same instants");

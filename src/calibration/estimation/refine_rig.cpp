@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <set>
 
 #include "doppel/calibration/estimation/align_cameras.h"
 #include "doppel/calibration/estimation/bundle_problem.h"
@@ -50,6 +51,9 @@ void check_refine_options(const std::vector<Camera>& cameras, const PointTracks&
     if (camera < 0 || camera >= static_cast<int>(cameras.size()))
       fail<UsageError>("refining a rig: camera {} is to be fixed; there are {} cameras, counted from 0", camera,
                        cameras.size());
+  if (std::set<int>(options.fixed.begin(), options.fixed.end()).size() == cameras.size())
+    fail<UsageError>("refining a rig: all {} cameras are fixed, so nothing is left to refine; fix fewer",
+                     cameras.size());
   for (const Limb& limb : options.limbs)
     if (std::min(limb[0], limb[1]) < 0 || std::max(limb[0], limb[1]) >= tracks.num_points() || limb[0] == limb[1])
       fail<UsageError>("refining a rig: a limb joins the points {} and {}; there are {} points, counted from 0",
@@ -300,11 +304,23 @@ class Refinement {
     if (std::count(takes_part_.begin(), takes_part_.end(), true) < 2)
       fail("refining a rig: no two cameras saw the same {} points; check the offsets and the calibration",
            kMinObservations);
+    check_free_cameras();
     bundle = make();
     check_points(bundle);
     num_points_ = bundle.observations.size();
     weigh(bundle, num_points_);
     return bundle;
+  }
+
+  /// Without a camera that may move there is no unknown.
+  void check_free_cameras() const {
+    std::string reasons;
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+      if (std::count(options_.fixed.begin(), options_.fixed.end(), static_cast<int>(c)) > 0) continue;
+      if (takes_part_[c]) return;
+      reasons += fmt::format("{}{}: {}", reasons.empty() ? "" : "; ", cameras_[c].name, reasons_[c]);
+    }
+    fail<UsageError>("refining a rig: no camera that is not fixed can be refined ({}); fix fewer", reasons);
   }
 
   /// The points and frontier points by the cameras of the last round.

@@ -30,7 +30,8 @@ struct RefineOptions {
   std::vector<Limb> limbs;       ///< pairs of points at constant distance; empty: not used
   double limb_sigma = 0.02;      ///< metres by which the distance of a limb's points varies
   std::size_t most_times = 250;  ///< times of all takes whose points are used; more are thinned out
-  std::vector<int> fixed;        ///< cameras that are not changed; then the result is not aligned to the old centres
+  std::vector<int> fixed;        ///< cameras that are not changed, not all; then the result is not aligned to the old
+                                 ///< centres
   double largest_start_error = 120.0;  ///< pixels of an image 1024 wide by which views may disagree at the start
 };
 
@@ -71,7 +72,7 @@ struct RigRefinement {
 /// found anew in each round and join the bundle as points that two cameras see.
 /// @param takes with the same points, recorded while no camera moved
 /// @throws Error as check_tracks for fewer than two cameras; when the points are too few, or all in one position;
-/// UsageError for impossible options
+/// UsageError for impossible options, and when no camera is left that is not fixed and saw enough points
 RigRefinement refine_rig(const std::vector<Camera>& cameras, const std::vector<RigTake>& takes,
                          const RefineOptions& options = {});
 /// The same by the points of one take.

@@ -18,7 +18,7 @@ struct Calibration {
   std::vector<std::string> notes;  ///< plain sentences: what was left out, what was guessed and why
 };
 
-/// What the user knows better than the file. Empty: as the file says, or as it can be found out.
+/// What the user knows better than the file, which it overrides. Empty: as the file says, or as it can be found out.
 struct CalibrationOptions {
   std::string unit;  ///< "m", "cm" or "mm"
   std::string up;    ///< "+x" ... "-z"

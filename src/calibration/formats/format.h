@@ -48,7 +48,13 @@ class CalibrationFormat {
   /// Writes cameras of the program's world (metres, y up). `path` is a temporary file or, if `writes_folder`, an
   /// existing empty folder. @throws Error when the format cannot hold a camera (its lens model, a missing size)
   virtual void write(const std::filesystem::path& path, const std::vector<Camera>& cameras) const;
+  /// The same without poses: intrinsics alone. Formats that must state a pose state one and the same for all cameras.
+  virtual void write_intrinsics(const std::filesystem::path& path, const std::vector<Camera>& cameras) const {
+    write(path, cameras);
+  }
   virtual bool writes_folder() const { return false; }
+  /// Whether cameras with lens distortion can be written.
+  virtual bool holds_distortion() const { return true; }
 };
 
 /// All formats, in the order in which `recognises` is asked.

@@ -18,11 +18,27 @@ class OpenCvReader {
  public:
   explicit OpenCvReader(const std::filesystem::path& path) : where_{path.string(), 0} {}
 
-  /// @param unit receives the unit of the file
-  std::vector<Camera> read(std::string& unit) { return read_cameras(read_file_storage(where_.file), unit); }
+  /// @param calibration receives cameras and unit, and whether the cameras have poses
+  void read(Calibration& calibration) const {
+    const StorageValue root = read_file_storage(where_.file);
+    calibration.has_poses = have_poses(root);
+    calibration.cameras = read_cameras(root, calibration.has_poses, calibration.unit);
+    if (!calibration.has_poses) calibration.notes.emplace_back("the cameras have no R and t, so there are no poses");
+  }
 
  private:
-  std::vector<Camera> read_cameras(const StorageValue& root, std::string& unit) const {
+  /// A file of intrinsics has neither R nor t; one camera with a pose means that all must have one.
+  static bool have_poses(const StorageValue& root) {
+    bool any_camera = false;
+    for (const auto& [key, node] : root.members) {
+      if (!node.is_mapping()) continue;
+      any_camera = true;
+      if (!node["R"].is_none() || !node["t"].is_none()) return true;
+    }
+    return !any_camera;
+  }
+
+  std::vector<Camera> read_cameras(const StorageValue& root, bool with_poses, std::string& unit) const {
     const double metres_per_unit = read_unit(root["units"]);
     unit = metres_per_unit == 1 ? "m" : "mm";
     const double pixel_centre = root["pixel_centre"].is_none() ? 0.5 : number(root["pixel_centre"], "pixel_centre");
@@ -32,7 +48,8 @@ class OpenCvReader {
     std::vector<Camera> cameras;
     for (const auto& [key, node] : root.members) {
       if (!node.is_mapping()) continue;
-      cameras.push_back(read_camera(key, node, metres_per_unit));
+      cameras.push_back(read_camera(key, node));
+      if (with_poses) read_pose(cameras.back(), key, node, metres_per_unit);
       cameras.back().K(0, 2) += 0.5 - pixel_centre;
       cameras.back().K(1, 2) += 0.5 - pixel_centre;
     }
@@ -53,20 +70,25 @@ class OpenCvReader {
             excerpt(unit));
   }
 
-  Camera read_camera(const std::string& written_key, const StorageValue& node, double metres_per_unit) const {
+  Camera read_camera(const std::string& written_key, const StorageValue& node) const {
     const std::string key = excerpt(written_key);
     Camera camera;
     camera.name = read_name(written_key, node);
     camera.width = side(node, key, "width");
     camera.height = side(node, key, "height");
-    const std::vector<double> K = matrix(node, key, "K", 9), R = matrix(node, key, "R", 9),
-                              t = matrix(node, key, "t", 3);
+    const std::vector<double> K = matrix(node, key, "K", 9);
     camera.K = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(K.data());
-    camera.R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R.data());
-    camera.t = Eigen::Map<const Eigen::Vector3d>(t.data()) * metres_per_unit;
     if (!node["dist"].is_none() || !node["lens"].is_none())
       set_distortion(camera, read_lens(node["lens"], key), matrix(node, key, "dist", 0), where_);
     return camera;
+  }
+
+  void read_pose(Camera& camera, const std::string& written_key, const StorageValue& node,
+                 double metres_per_unit) const {
+    const std::string key = excerpt(written_key);
+    const std::vector<double> R = matrix(node, key, "R", 9), t = matrix(node, key, "t", 3);
+    camera.R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R.data());
+    camera.t = Eigen::Map<const Eigen::Vector3d>(t.data()) * metres_per_unit;
   }
 
   Lens read_lens(const StorageValue& node, const std::string& key) const {
@@ -133,7 +155,8 @@ cv::Mat coefficients(const Camera& camera) {
 
 /// Doppel's own file in OpenCV's FileStorage (YAML, XML or JSON): one mapping per camera with `width height K dist R
 /// t`, and perhaps `name` and `lens` (opencv, fisheye or polynomial). X_cam = R X + t. Without `name`, node `cam7` is
-/// camera "7". Metres unless a node `units` says `millimetres`; `pixel_centre: 0` puts the first pixel's centre at 0.
+/// camera "7". A file whose cameras all lack R and t holds intrinsics alone. Metres unless a node `units` says
+/// `millimetres`; `pixel_centre: 0` puts the first pixel's centre at 0.
 class OpenCvCalibration : public CalibrationFormat {
  public:
   std::string name() const override { return "opencv"; }
@@ -144,7 +167,8 @@ class OpenCvCalibration : public CalibrationFormat {
     if (text == std::string::npos) return false;
     if (head.compare(text, 5, "%YAML") == 0) return true;
     if (head.compare(text, 5, "<?xml") == 0) return head.find("<opencv_storage") != std::string::npos;
-    return head[text] == '{' && head.find("\"K\"") != std::string::npos && head.find("\"R\"") != std::string::npos;
+    const auto has = [&](const char* key) { return head.find(key) != std::string::npos; };
+    return head[text] == '{' && has("\"K\"") && (has("\"R\"") || has("\"pixel_centre\""));
   }
   bool can_write() const override { return true; }
   bool is_default_for(const std::string& extension) const override {
@@ -154,11 +178,19 @@ class OpenCvCalibration : public CalibrationFormat {
     Calibration calibration;
     calibration.unit = "m";
     calibration.up = "+y";
-    calibration.cameras = OpenCvReader(source.path).read(calibration.unit);
+    OpenCvReader(source.path).read(calibration);
     return calibration;
   }
 
   void write(const std::filesystem::path& path, const std::vector<Camera>& cameras) const override {
+    write_storage(path, cameras, true);
+  }
+  void write_intrinsics(const std::filesystem::path& path, const std::vector<Camera>& cameras) const override {
+    write_storage(path, cameras, false);
+  }
+
+ private:
+  static void write_storage(const std::filesystem::path& path, const std::vector<Camera>& cameras, bool with_poses) {
     try {
       cv::FileStorage storage(path.string(), cv::FileStorage::WRITE);
       if (!storage.isOpened()) fail("writing {}: OpenCV cannot open it", path.string());
@@ -172,7 +204,8 @@ class OpenCvCalibration : public CalibrationFormat {
         storage << "K" << row_major(camera.K);
         if (camera.lens != Lens::opencv) storage << "lens" << lens_name(camera.lens);
         storage << "dist" << coefficients(camera);
-        storage << "R" << row_major(camera.R) << "t" << row_major(camera.t) << "}";
+        if (with_poses) storage << "R" << row_major(camera.R) << "t" << row_major(camera.t);
+        storage << "}";
       }
     } catch (const cv::Exception& e) {
       fail("writing a camera calibration: {}", e.err);

@@ -57,6 +57,10 @@ void settle_unit(Calibration& calibration, const std::string& wanted) {
   if (!calibration.unit.empty()) {
     if (wanted.empty()) return;
     scale = metres_per(wanted) / metres_per(calibration.unit);
+    if (wanted != calibration.unit)
+      calibration.notes.push_back(
+          fmt::format("the file or its format states the unit {}; the unit {} that was given is used instead",
+                      calibration.unit, wanted));
     calibration.unit = wanted;
   } else {
     const double apart = wanted.empty() && calibration.has_scale ? extent(calibration.cameras) : 0.0;
@@ -95,6 +99,10 @@ std::string find_up(const std::vector<Camera>& cameras) {
 /// Turns the world so that y is up.
 void settle_up(Calibration& calibration, const std::string& wanted) {
   if (!wanted.empty()) {
+    if (!calibration.up.empty() && wanted != calibration.up)
+      calibration.notes.push_back(
+          fmt::format("the file or its format states that {} is up; the axis {} that was given is used instead",
+                      calibration.up, wanted));
     calibration.up = wanted;
   } else if (calibration.up.empty()) {
     calibration.up = calibration.has_poses ? find_up(calibration.cameras) : "unknown";
@@ -166,22 +174,37 @@ const CalibrationFormat& writer(const fs::path& path, const std::string& name) {
       path.string(), extension, names_of(true));
 }
 
-/// Writes into a folder beside `given` that takes its name when it is complete.
-void write_folder(const fs::path& given, const std::vector<Camera>& cameras, const CalibrationFormat& format) {
-  const fs::path path = folder_path(given);
+void check_new_folder(const fs::path& path, const CalibrationFormat& format) {
   if (fs::exists(path) && !(fs::is_directory(path) && fs::is_empty(path)))
     fail<UsageError>("writing {}: this exists; the format {} writes a new folder", path.string(), format.name());
+}
+
+using CalibrationWriter = void (CalibrationFormat::*)(const fs::path&, const std::vector<Camera>&) const;
+
+/// Writes into a folder beside `given` that takes its name when it is complete.
+void write_folder(const fs::path& given, const std::vector<Camera>& cameras, const CalibrationFormat& format,
+                  CalibrationWriter write) {
+  const fs::path path = folder_path(given);
+  check_new_folder(path, format);
   const fs::path making = path.parent_path() / fmt::format(".{}.making-{}", path.filename().string(), getpid());
   fs::remove_all(making);
   fs::create_directories(making);
   try {
-    format.write(making, cameras);
+    (format.*write)(making, cameras);
     fs::remove(path);
     fs::rename(making, path);
   } catch (...) {
     fs::remove_all(making);
     throw;
   }
+}
+
+void write_cameras(const fs::path& path, const std::vector<Camera>& cameras, const std::string& format,
+                   CalibrationWriter write) {
+  check_cameras(cameras, {path.string(), 0});
+  const CalibrationFormat& chosen = writer(path, format);
+  if (chosen.writes_folder()) return write_folder(path, cameras, chosen, write);
+  write_atomically(path, [&](const fs::path& temporary) { (chosen.*write)(temporary, cameras); });
 }
 
 Calibration load_posed(const fs::path& path, const CalibrationOptions& options) {
@@ -258,10 +281,20 @@ std::vector<Camera> read_calibration(const fs::path& path, const CalibrationOpti
 }
 
 void write_calibration(const fs::path& path, const std::vector<Camera>& cameras, const std::string& format) {
-  check_cameras(cameras, {path.string(), 0});
+  write_cameras(path, cameras, format, &CalibrationFormat::write);
+}
+
+void write_intrinsics(const fs::path& path, const std::vector<Camera>& cameras, const std::string& format) {
+  write_cameras(path, cameras, format, &CalibrationFormat::write_intrinsics);
+}
+
+void check_calibration_target(const fs::path& path, const std::string& format, bool has_distortion) {
   const CalibrationFormat& chosen = writer(path, format);
-  if (chosen.writes_folder()) return write_folder(path, cameras, chosen);
-  write_atomically(path, [&](const fs::path& temporary) { chosen.write(temporary, cameras); });
+  if (has_distortion && !chosen.holds_distortion())
+    fail<UsageError>("writing {}: the format {} cannot hold lens distortion; write .yml or .toml", path.string(),
+                     chosen.name());
+  if (chosen.writes_folder()) return check_new_folder(folder_path(path), chosen);
+  if (fs::is_directory(path)) fail<UsageError>("writing {}: a folder of this name already exists", path.string());
 }
 
 std::vector<std::string> calibration_writers() {

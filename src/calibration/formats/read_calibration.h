@@ -10,7 +10,8 @@ namespace doppel {
 
 /// Reads the calibration of a file or a folder. The content decides the format, not the name;
 /// docs/calibration.md lists the formats. Where the format does not state the unit, it is found by the extent of the
-/// cameras; where it does not state the axis that points up, by the mean direction that is up in the images.
+/// cameras; where it does not state the axis that points up, by the mean direction that is up in the images. Options
+/// override what the file states, with a note.
 /// @throws FileError for a file of an unknown kind, or one that is truncated or impossible; UsageError for an option
 /// with another value; Camera::faults checks every camera
 Calibration load_calibration(const std::filesystem::path& path, const CalibrationOptions& options = {});
@@ -37,6 +38,15 @@ std::vector<Camera> read_calibration(const std::filesystem::path& path, const Ca
 /// @throws Error for another format or extension, and for cameras that the format cannot hold
 void write_calibration(const std::filesystem::path& path, const std::vector<Camera>& cameras,
                        const std::string& format = "");
+/// The same for intrinsics without poses. Reading the file back finds `has_poses` false for OpenCV and TOML; formats
+/// that must state a pose state the same for all cameras. @throws as write_calibration
+void write_intrinsics(const std::filesystem::path& path, const std::vector<Camera>& cameras,
+                      const std::string& format = "");
+/// Checks before long work what can be known of write_calibration: the format, and whether the path is free for it.
+/// @param has_distortion whether cameras with lens distortion will be written
+/// @throws Error for another format or extension; UsageError for a format without distortion, and for a folder in the
+/// way
+void check_calibration_target(const std::filesystem::path& path, const std::string& format, bool has_distortion);
 std::vector<std::string> calibration_writers();
 
 }  // namespace doppel

@@ -215,6 +215,7 @@ class SkeletoolCalibration : public CalibrationFormat {
     return text != std::string::npos && head.compare(text, kFamily.size(), kFamily) == 0;
   }
   bool can_write() const override { return true; }
+  bool holds_distortion() const override { return false; }
   bool is_default_for(const std::string& extension) const override { return extension == ".calibration"; }
   Calibration read(const CalibrationSource& source) const override {
     Calibration calibration;

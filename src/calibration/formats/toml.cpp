@@ -274,21 +274,23 @@ std::size_t toml_coefficients(const Camera& camera) {
   return camera.distortion.size();
 }
 
-std::string toml_table(const Camera& camera, std::size_t number) {
+std::string toml_table(const Camera& camera, std::size_t number, bool with_pose) {
   if (camera.lens == Lens::polynomial) {
     fail("writing a camera calibration: camera {} has a lens of Metashape's kind, which this TOML format cannot hold",
          camera.name);
   }
   Eigen::Matrix<double, 3, 3, Eigen::RowMajor> K = camera.K;
   K.topRightCorner<2, 1>().array() -= 0.5;
-  const Eigen::Vector3d rotation = vector_from_rotation(camera.R);
   std::string text = fmt::format("[cam_{:02}]\nname = {}\n", number, toml_string(camera.name));
   if (camera.width > 0 && camera.height > 0) text += fmt::format("size = [ {}.0, {}.0]\n", camera.width, camera.height);
   text += fmt::format("matrix = [ {}, {}, {}]\n", toml_list(K.data(), 3), toml_list(K.data() + 3, 3),
                       toml_list(K.data() + 6, 3));
   text += fmt::format("distortions = {}\n", toml_list(camera.distortion.data(), toml_coefficients(camera)));
-  text += fmt::format("rotation = {}\n", toml_list(rotation.data(), 3));
-  text += fmt::format("translation = {}\n", toml_list(camera.t.data(), 3));
+  if (with_pose) {
+    const Eigen::Vector3d rotation = vector_from_rotation(camera.R);
+    text += fmt::format("rotation = {}\n", toml_list(rotation.data(), 3));
+    text += fmt::format("translation = {}\n", toml_list(camera.t.data(), 3));
+  }
   return text + fmt::format("fisheye = {}\n\n", camera.lens == Lens::fisheye);
 }
 
@@ -312,8 +314,16 @@ class TomlCalibration : public CalibrationFormat {
   bool can_write() const override { return true; }
   bool is_default_for(const std::string& extension) const override { return extension == ".toml"; }
   void write(const std::filesystem::path& path, const std::vector<Camera>& cameras) const override {
+    write_tables(path, cameras, true);
+  }
+  void write_intrinsics(const std::filesystem::path& path, const std::vector<Camera>& cameras) const override {
+    write_tables(path, cameras, false);
+  }
+
+ private:
+  static void write_tables(const std::filesystem::path& path, const std::vector<Camera>& cameras, bool with_poses) {
     std::string text;
-    for (std::size_t i = 0; i < cameras.size(); ++i) text += toml_table(cameras[i], i + 1);
+    for (std::size_t i = 0; i < cameras.size(); ++i) text += toml_table(cameras[i], i + 1, with_poses);
     write_atomically(path, text + "[metadata]\nadjusted = false\nerror = 0.0\n");
   }
 };

@@ -1,6 +1,7 @@
 #include "doppel/data/dataset/dataset.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -8,6 +9,7 @@
 #include "doppel/calibration/formats/relative_intrinsics.h"
 #include "doppel/character/character.h"
 #include "doppel/core/as_size.h"
+#include "doppel/core/crc32c.h"
 #include "doppel/core/error.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/data/capture/capture_cameras.h"
@@ -20,6 +22,8 @@ namespace doppel {
 namespace fs = std::filesystem;
 
 namespace {
+
+constexpr long kCheckedFrames = 16;  // of a sequence, whose masks a checksum reads
 
 /// The finest power-of-two step for which distances up to the window's diagonal fit into 16 bits.
 int distance_steps(int pixels) {
@@ -162,10 +166,37 @@ int Dataset::camera_index(const std::string& name) const {
 
 std::vector<int> Dataset::camera_indices(const std::vector<std::string>& names) const {
   std::vector<int> indices;
-  for (const std::string& name : names) indices.push_back(camera_index(name));
+  for (const std::string& name : names) {
+    indices.push_back(camera_index(name));
+    if (std::count(indices.begin(), indices.end(), indices.back()) > 1)
+      fail<UsageError>("camera {} is named twice; name each camera once", name);
+  }
   if (names.empty())
     for (std::size_t i = 0; i < cameras_.size(); ++i) indices.push_back(static_cast<int>(i));
   return indices;
+}
+
+std::uint32_t Dataset::checksum() const {
+  std::uint32_t sum = 0;
+  const auto add = [&](const void* data, std::size_t bytes) { sum = crc32c(data, bytes, sum); };
+  const std::array<int, 2> sizes{mask_size_, image_size_};
+  add(sizes.data(), sizeof(sizes));
+  for (const PinholeCamera& camera : cameras_) {
+    add(camera.K.data(), sizeof(double) * 9);
+    add(camera.R.data(), sizeof(double) * 9);
+    add(camera.t.data(), sizeof(double) * 3);
+  }
+  for (std::size_t s = 0; s < sequences_.size(); ++s) {
+    const DatasetSequence& sequence = sequences_[s];
+    for (const std::vector<double>& row : sequence.motion.frames) add(row.data(), row.size() * sizeof(double));
+    const long step = std::max(1L, sequence.num_frames() / kCheckedFrames);
+    for (long frame = sequence.first_frame; frame <= sequence.last_frame; frame += step) {
+      const auto camera = static_cast<int>(static_cast<std::size_t>(frame) % cameras_.size());
+      const cv::Mat mask = crop_mask({static_cast<int>(s), frame}, camera);
+      add(mask.data, mask.total());
+    }
+  }
+  return sum;
 }
 
 std::vector<SampleId> Dataset::samples(Split split, int every) const {

@@ -110,6 +110,10 @@ class Dataset {
   /// The keypoints of a view: [M] in the order of `landmarks()`, pixels of the image without distortion.
   std::vector<Keypoint> keypoints(const SampleId& sample, int camera) const;
 
+  /// A checksum of what the capture holds: cameras, motions, the sizes of masks and images, and the masks of some
+  /// samples.
+  std::uint32_t checksum() const;
+
   int mask_size() const { return mask_size_; }
   int image_size() const { return image_size_; }
   /// The side of the images for a requested side `pixels`; 0 means as stored.

@@ -9,6 +9,7 @@
 #include <optional>
 #include <tuple>
 
+#include "doppel/core/as_size.h"
 #include "doppel/data/doctor/statistics.h"
 
 namespace doppel {
@@ -31,6 +32,7 @@ constexpr double kMovingShare = 0.1;      ///< of the limbs' pixels that leave t
 constexpr int kJitter = 5;                ///< pixels, diameter by which limbs may waver without moving
 constexpr double kActiveDifference = 12;  ///< grey levels
 constexpr std::size_t kMinImages = 5;
+constexpr double kBodyOnOwnMask = 0.85, kOnMaskGain = 0.04;  ///< share of the points; more than of the keypoints
 
 using SmallImages = std::vector<cv::Mat>;
 
@@ -198,6 +200,32 @@ class ActivityJudge {
     return true;
   }
 
+  /// The mean contrast of the cameras, with the limbs of `shift` rows later.
+  double contrast_of_shift(int shift) {
+    for (const FootageExamination& camera : footage_) active_.push_back(activity_of(camera));
+    double sum = 0.0;
+    int count = 0;
+    for (std::size_t c = 0; c < cameras_; ++c) {
+      const ActivityMatch match = match_of(active_[c], limbs_in(c, c, shift));
+      if (!std::isfinite(match.contrast)) continue;
+      sum += match.contrast;
+      ++count;
+    }
+    return count == 0 ? std::numeric_limits<double>::quiet_NaN() : sum / count;
+  }
+
+  /// Whether what moves in the videos of two cameras is where the keypoints of each other are.
+  bool videos_fit_other_keypoints(std::size_t a, std::size_t b) {
+    for (const FootageExamination& camera : footage_) active_.push_back(activity_of(camera));
+    for (const auto& [video, other] : {std::pair(a, b), std::pair(b, a)}) {
+      const SmallImages limbs = limbs_in(video, other);
+      const ActivityMatch match = match_of(active_[video], limbs),
+                          own = match_of(active_[video], limbs_in(video, video));
+      if (!(match.contrast - own.contrast > kClearGain) || !is_good(match, active_[video], limbs)) return false;
+    }
+    return true;
+  }
+
  private:
   struct Flip {
     const char* fault;
@@ -230,11 +258,16 @@ class ActivityJudge {
     return limbs;
   }
 
-  /// The limbs in the images of a video, as the keypoints of a camera say.
-  SmallImages limbs_in(std::size_t video, std::size_t keypoints) const {
+  /// The limbs in the images of a video, as the keypoints of a camera say; of `shift` rows later.
+  SmallImages limbs_in(std::size_t video, std::size_t keypoints, int shift = 0) const {
     SmallImages limbs;
-    for (std::size_t i = 0; i < active_[video].size(); ++i)
-      limbs.push_back(limbs_of(keypoints, footage_[video].small_instants[i], active_[video][i].size()));
+    for (std::size_t i = 0; i < active_[video].size(); ++i) {
+      const int here = footage_[video].small_instants[i], there = here + shift;
+      const bool known = there >= 0 && there < seen_.num_instants() &&
+                         seen_.instants[there].sequence == seen_.instants[here].sequence &&
+                         seen_.instants[there].row == seen_.instants[here].row + shift;
+      limbs.push_back(known ? limbs_of(keypoints, there, active_[video][i].size()) : cv::Mat());
+    }
     return limbs;
   }
 
@@ -329,7 +362,86 @@ class ActivityJudge {
   std::vector<std::optional<Flip>> flips_;  ///< [C]
 };
 
+/// The median of a measure over the images of a camera in all sequences; -1: not known.
+template <typename Measure>
+double usual_of_camera(const std::vector<SequenceFootage>& footage, std::size_t camera, const Measure& measure) {
+  std::vector<double> values;
+  for (const SequenceFootage& sequence : footage)
+    for (const ImageFacts& facts : sequence[camera].images)
+      if (const double value = measure(facts); value >= 0.0) values.push_back(value);
+  return values.empty() ? -1.0 : median(values);
+}
+
+/// Whether the masks of a camera show the body as the calibrated camera sees it, and not where its keypoints are;
+/// nothing without masks.
+std::optional<bool> masks_are_its_own(const std::vector<SequenceFootage>& footage, std::size_t camera) {
+  const double body = usual_of_camera(footage, camera, [](const ImageFacts&f) { return f.calibrated_on_mask; }),
+               points = usual_of_camera(footage, camera, [](const ImageFacts&f) { return f.points_on_mask; });
+  if (body < 0.0 || points < 0.0) return std::nullopt;
+  return body >= kBodyOnOwnMask && body > points + kOnMaskGain;
+}
+
+/// @return nothing where neither masks nor what moves decide it
+std::optional<bool> only_keypoints_are_exchanged(const Sightings& seen, const RigExamination& rig,
+                                                 const std::vector<SequenceFootage>& footage, std::size_t a,
+                                                 std::size_t b) {
+  const std::optional<bool> first = masks_are_its_own(footage, a), second = masks_are_its_own(footage, b);
+  if (first && second) return *first && *second;
+  const bool moves = std::any_of(footage.begin(), footage.end(), [&](const SequenceFootage& sequence) {
+    std::vector<Finding> none;
+    return ActivityJudge(seen, &rig, sequence, none).videos_fit_other_keypoints(a, b);
+  });
+  return moves ? std::optional<bool>(true) : std::nullopt;
+}
+
+/// @param only_keypoints are exchanged; nothing: it is not known
+void say_what_is_exchanged(const std::string& camera, const std::string& other, std::optional<bool> only_keypoints,
+                           std::vector<Finding>& findings) {
+  for (Finding& finding : findings) {
+    if (finding.camera != camera || finding.fault != faults::kSwapped) continue;
+    if (!only_keypoints)
+      finding.advice += " Look at the images first: if these are right, exchange the keypoint files alone.";
+    else if (*only_keypoints)
+      finding.advice = fmt::format(
+          "Only the keypoint files of {} and {} are exchanged: their footage is their own. Exchange them under "
+          "`keypoints` in capture.yaml, and leave videos, masks and calibrations as they are.",
+          camera, other);
+  }
+}
+
+/// Measures a camera by the body that the cameras agree on, instead of by its keypoints.
+void forget_keypoints_of(std::size_t camera, std::vector<SequenceFootage>& footage) {
+  for (SequenceFootage& sequence : footage) {
+    sequence[camera].shifted_bones.clear();
+    for (ImageFacts& facts : sequence[camera].images) {
+      facts.body_on_mask = facts.calibrated_on_mask;
+      facts.points_on_mask = facts.bones_on_mask = -1.0;
+      facts.has_margins = false;
+    }
+  }
+}
+
 }  // namespace
+
+void settle_exchanges(const Sightings& seen, RigExamination& rig, std::vector<SequenceFootage>& footage,
+                      std::vector<Finding>& findings) {
+  for (const auto& [a, b] : rig.exchanged) {
+    const auto only_keypoints = only_keypoints_are_exchanged(seen, rig, footage, as_size(a), as_size(b));
+    say_what_is_exchanged(seen.cameras[a].name, seen.cameras[b].name, only_keypoints, findings);
+    say_what_is_exchanged(seen.cameras[b].name, seen.cameras[a].name, only_keypoints, findings);
+    if (!only_keypoints.value_or(false)) continue;
+    for (const int c : {a, b}) {
+      forget_keypoints_of(as_size(c), footage);
+      rig.views[c] = SupposedView();
+      rig.views[c].camera = seen.cameras[c];
+    }
+  }
+}
+
+double contrast_of_shift(const Sightings& seen, const RigExamination* rig, const SequenceFootage& footage, int shift) {
+  std::vector<Finding> none;
+  return ActivityJudge(seen, rig, footage, none).contrast_of_shift(shift);
+}
 
 bool examine_activity(const Sightings& seen, const RigExamination* rig, const SequenceFootage& footage,
                       std::vector<Finding>& findings) {

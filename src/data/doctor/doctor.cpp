@@ -4,6 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "doppel/data/doctor/activity_examination.h"
 #include "doppel/data/doctor/statistics.h"
 
 namespace doppel {
@@ -75,20 +76,17 @@ ordered_json camera_json(const Examination& examination, std::size_t c) {
   return json;
 }
 
-bool has_wrong_keypoints(const Examination& examination) {
-  return std::any_of(examination.findings.begin(), examination.findings.end(),
-                     [](const Finding& finding) { return finding.fault == faults::kWrongKeypoints; });
-}
-
 /// What was measured of masks and views by keypoints says nothing when these are of other footage.
 void forget_keypoints(Examination& examination) {
   std::erase_if(examination.findings, [](const Finding& finding) { return finding.fault == faults::kOutOfView; });
   for (SequenceFootage& sequence : examination.footage)
-    for (FootageExamination& camera : sequence)
+    for (FootageExamination& camera : sequence) {
+      camera.shifted_bones.clear();
       for (ImageFacts& facts : camera.images) {
         facts.points_on_mask = facts.body_on_mask = facts.bones_on_mask = -1.0;
         facts.has_margins = false;
       }
+    }
 }
 
 }  // namespace
@@ -105,8 +103,8 @@ Examination examine_capture(const Capture& capture, const DoctorOptions& options
     for (int c = 0; c < examination.seen.num_cameras(); ++c)
       examination.footage.back().push_back(examine_footage(capture, static_cast<int>(s), examination.seen, c, rig));
   }
-  examine_images(examination.seen, rig, examination.footage, examination.findings);
-  if (has_wrong_keypoints(examination)) forget_keypoints(examination);
+  if (examination.rig) settle_exchanges(examination.seen, *examination.rig, examination.footage, examination.findings);
+  if (!examine_images(examination.seen, rig, examination.footage, examination.findings)) forget_keypoints(examination);
   examine_masks(examination.seen, rig, examination.footage, examination.findings);
   examination.findings = sorted_findings(std::move(examination.findings), camera_names(examination.seen));
   return examination;

@@ -1,12 +1,13 @@
 #include "doppel/data/doctor/explanation.h"
 
-#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <set>
 
 #include "doppel/calibration/formats/read_calibration.h"
@@ -29,6 +30,9 @@ constexpr int kFitInstants = 120;
 constexpr double kMaxDrift = 0.32;  ///< rows per row, in the search
 constexpr int kStepParameters = 4;  ///< that a step in each window is priced as
 constexpr double kMaxFactor = 2.5;  ///< of the focal length, in the search
+/// Share of a drift's residual that a jump may leave: pieces of a constant offset can follow a line, so a jump that is
+/// only a little better is a drift as well.
+constexpr double kClearJump = 0.8;
 
 class Mistakes {
  public:
@@ -172,7 +176,7 @@ class Mistakes {
     for (int other = 0; other < seen_.num_cameras(); ++other) {
       if (other == camera_) continue;
       const Camera& there = seen_.cameras[other];
-      Explanation& swapped = add(faults::kSwapped, fmt::format("its footage is that of camera {}", there.name),
+      Explanation& swapped = add(faults::kSwapped, fmt::format("its keypoints are those of camera {}", there.name),
                                  "Exchange the videos, masks and keypoints (or the calibrations) of these cameras in "
                                  "capture.yaml.");
       swapped.view.camera = there;
@@ -205,13 +209,13 @@ class Fits {
   }
 
  private:
-  void add(const char* fault, int parameters, const SupposedView& view, std::string what, const char* advice) {
+  void add(const char* fault, int parameters, const SupposedView& view, std::string what, std::string advice) {
     Explanation explanation;
     explanation.fault = fault;
     explanation.parameters = parameters;
     explanation.view = view;
     explanation.what = std::move(what);
-    explanation.advice = advice;
+    explanation.advice = std::move(advice);
     all_.push_back(std::move(explanation));
   }
 
@@ -220,9 +224,8 @@ class Fits {
     if (!found) return;
     SupposedView view = nominal_;
     view.delay = *found;
-    add(faults::kOutOfSync, 1, view,
-        fmt::format("its frames show the person {:.4g} rows later than they should", *found),
-        "Correct `frame_offset` of this camera by this number of frames.");
+    add(faults::kOutOfSync, 1, view, fmt::format("its frames show the person {} than they should", rows_off(*found)),
+        advice_of_delay(seen_, camera_, *found, chosen_));
   }
 
   SupposedView fit(const SupposedView& start, const FreeParts& parts) const {
@@ -426,7 +429,31 @@ std::vector<Explanation> explain_by_time(const Sightings& seen, int camera, cons
   for (Explanation& explanation : all)
     explanation.residual =
         residuals_of(seen, camera, explanation.view, body, chosen).mean_of_windows(seen.windows.size());
+  const double most = kClearJump * all[0].residual;
+  std::erase_if(all, [&](const Explanation& explanation) {
+    return explanation.fault == faults::kFrameDrops && explanation.residual > most;
+  });
   return all;
+}
+
+std::string rows_off(double delay) {
+  return fmt::format("{:.4g} rows {}", std::abs(delay), delay < 0.0 ? "earlier" : "later");
+}
+
+std::string advice_of_delay(const Sightings& seen, int camera, double delay, const ChosenInstants& chosen) {
+  std::set<int> sequences;
+  for (const int instant : chosen.instants) sequences.insert(seen.instants[instant].sequence);
+  std::map<double, std::vector<std::string>> names;  // by the offset that is stated
+  for (const int s : sequences) names[seen.times[s][camera].clock.offset].push_back(seen.sequences[s]);
+  // Frame r * rate + offset shows row r + delay, so with an offset of delay * rate less it is that of row r + delay.
+  const auto rounded = [](double offset) { return std::round(100.0 * offset) / 100.0 + 0.0; };
+  std::string values;
+  for (const auto& [offset, of] : names) {
+    const double rate = seen.times[*sequences.begin()][camera].clock.rate;
+    values += fmt::format("{} to {} (it is {})", values.empty() ? "" : ",", rounded(offset - delay * rate), offset);
+    if (of.size() < seen.sequences.size()) values += fmt::format(" in {}", fmt::join(of, ", "));
+  }
+  return fmt::format("Set `frame_offset` of {}{}.", seen.cameras[camera].name, values);
 }
 
 const Explanation* best_explanation(const std::vector<Explanation>& explanations) {

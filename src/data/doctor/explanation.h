@@ -32,6 +32,13 @@ std::vector<Explanation> explain_camera(const Sightings& seen, int camera, const
 std::vector<Explanation> explain_by_time(const Sightings& seen, int camera, const BodyTrack& body,
                                          const ChosenInstants& chosen);
 
+/// "2 rows later" or "2 rows earlier" than it should be.
+std::string rows_off(double delay);
+
+/// Which `frame_offset` mends a delay, with the one that is stated, for the sequences of some instants.
+/// @param delay rows by which the camera's frames show the body later than they should
+std::string advice_of_delay(const Sightings& seen, int camera, double delay, const ChosenInstants& chosen);
+
 /// The explanation with the least residual, where each fitted number must earn its place.
 /// @return null when there is none
 const Explanation* best_explanation(const std::vector<Explanation>& explanations);

@@ -196,15 +196,28 @@ class ImageJudge {
     return counts;
   }
 
-  /// Rows that a camera has fewer than the others, which all have as many; 0 otherwise.
-  long missing_frames(std::size_t c) const {
-    long others = -1;
-    for (std::size_t o = 0; o < footage_.size(); ++o) {
-      if (o == c) continue;
-      if (footage_[o].rows < 0 || (others >= 0 && others != footage_[o].rows)) return 0;
-      others = footage_[o].rows;
+  /// The largest number of rows that half of the cameras have, and the first row that one of these films; 0 rows where
+  /// cameras were stopped one by one, so that their numbers say nothing.
+  std::pair<long, double> usual_rows() const {
+    std::map<long, std::vector<double>> starts;  // by the number of rows
+    std::size_t readable = 0;
+    for (const FootageExamination& camera : footage_) {
+      if (camera.rows < 0) continue;
+      starts[camera.rows].push_back(camera.start);
+      ++readable;
     }
-    return footage_.size() < 3 || footage_[c].rows < 0 ? 0 : others - footage_[c].rows;
+    for (auto of = starts.rbegin(); readable >= 3 && of != starts.rend(); ++of)
+      if (of->second.size() >= 2 && 2 * of->second.size() >= readable)
+        return {of->first, *std::min_element(of->second.begin(), of->second.end())};
+    return {0, 0.0};
+  }
+
+  /// Rows that a camera has fewer than most others, without those before it was started.
+  long missing_frames(std::size_t c) const {
+    if (footage_[c].rows < 0) return 0;
+    const auto [rows, start] = usual_rows();
+    const double late = std::max(0.0, footage_[c].start - start);
+    return std::max(0L, rows - footage_[c].rows - static_cast<long>(std::ceil(late)));
   }
 
   void frames(std::size_t c) {
@@ -216,14 +229,14 @@ class ImageJudge {
     const bool many_doubled = counts.doubled >= kMinDoubled && doubled > kDoubledWarning;
     const bool fault =
         (many_doubled && doubled > kDoubledFault) || counts.gaps > 0 || (missing > 0 && counts.jumps > 0);
-    if (!fault && !many_doubled && missing <= 0) return;
+    if (!fault && !many_doubled && missing == 0) return;
     std::string figure;
     const auto say = [&](long count, const char* what) {
       if (count > 0) figure += fmt::format("{}{} {}", figure.empty() ? "" : ", ", count, what);
     };
     say(many_doubled ? counts.doubled : 0, "doubled frames");
     say(counts.gaps, "gaps of the time stamps");
-    say(std::max(0L, missing), "frames fewer than the other cameras");
+    say(missing, "frames fewer than the other cameras");
     say(counts.jumps, "positions where the image jumps");
     add(c, faults::kFrameDrops, fault ? Severity::fault : Severity::warning, figure,
         "Frames were lost or doubled in recording or copying. Restore them by their time stamps (ffmpeg -fps_mode), or "
@@ -237,12 +250,15 @@ class ImageJudge {
 
 }  // namespace
 
-void examine_images(const Sightings& seen, const RigExamination* rig, const std::vector<SequenceFootage>& footage,
+bool examine_images(const Sightings& seen, const RigExamination* rig, const std::vector<SequenceFootage>& footage,
                     std::vector<Finding>& findings) {
+  bool of_footage = true;
   for (const SequenceFootage& sequence : footage) {
     const bool by_keypoints = examine_activity(seen, rig, sequence, findings);
     ImageJudge(seen, sequence, findings).judge(by_keypoints);
+    of_footage = of_footage && by_keypoints;
   }
+  return of_footage;
 }
 
 }  // namespace doppel

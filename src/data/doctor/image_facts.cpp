@@ -140,7 +140,8 @@ class FootageReading {
     const Camera& camera = seen_.cameras[camera_];
     const FrameClock clock = capture_.clock(entry_, camera.name);
     open(camera);
-    if (found_.frames >= 0) found_.rows = std::lround((static_cast<double>(found_.frames) - clock.offset) / clock.rate);
+    if (found_.frames >= 0) found_.rows = std::lround(static_cast<double>(found_.frames) / clock.rate);
+    found_.start = -clock.offset / clock.rate;
     // Rows of a camera of another rate may repeat a frame, or leave one out.
     const long step = std::max(1L, static_cast<long>(std::floor(clock.rate)));
     for (const int instant : instants_) {
@@ -281,7 +282,15 @@ class FootageReading {
       facts.bones_on_mask = share_of_bones(*person, mask);
       measure_margins(*person, mask, facts);
     }
-    if (rig_ && rig_->nominal.found) facts.body_on_mask = share_of_body(instant, near);
+    if (rig_ && rig_->nominal.found) {
+      facts.body_on_mask = share_of_body(instant, near, rig_->views[camera_]);
+      if (rig_->is_exchanged(camera_)) {
+        SupposedView calibrated;
+        calibrated.camera = seen_.cameras[camera_];
+        facts.calibrated_on_mask = share_of_body(instant, near, calibrated);
+      }
+    }
+    try_other_rows(instant, mask);
     measure_flicker(mask, facts);
   }
 
@@ -294,11 +303,29 @@ class FootageReading {
     return all == 0 ? -1.0 : static_cast<double>(on) / all;
   }
 
-  double share_of_body(int instant, const cv::Mat& near) const {
+  /// The keypoints of rows before and after on a mask.
+  void try_other_rows(int instant, const cv::Mat& mask) {
+    found_.shifted_bones.resize(2 * kMaxKeypointShift + 1);
+    const Instant& here = seen_.instants[instant];
+    for (int shift = -kMaxKeypointShift; shift <= kMaxKeypointShift; ++shift) {
+      const int other = instant + shift;
+      if (other < 0 || other >= seen_.num_instants()) continue;
+      const Instant& there = seen_.instants[other];
+      if (there.sequence != here.sequence || there.row != here.row + shift) continue;
+      const SeenPerson* person = person_at(other);
+      const double share = person ? share_of_bones(*person, mask) : -1.0;
+      if (share < 0.0) continue;
+      SharesSum& sum = found_.shifted_bones[static_cast<std::size_t>(shift + kMaxKeypointShift)];
+      sum.sum += share;
+      ++sum.count;
+    }
+  }
+
+  double share_of_body(int instant, const cv::Mat& near, const SupposedView& view) const {
     int on = 0, all = 0;
     for (int k = 0; k < seen_.num_points(); ++k) {
       if (!rig_->nominal.body.known(instant, k)) continue;
-      const auto pixel = rig_->views[camera_].pixel(rig_->nominal.body.at(instant, k));
+      const auto pixel = view.pixel(rig_->nominal.body.at(instant, k));
       on += pixel && is_on(near, *pixel);
       ++all;
     }

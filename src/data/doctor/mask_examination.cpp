@@ -1,10 +1,14 @@
-#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <map>
+#include <optional>
 
+#include "doppel/data/doctor/activity_examination.h"
 #include "doppel/data/doctor/image_examination.h"
 #include "doppel/data/doctor/statistics.h"
 
@@ -23,7 +27,8 @@ constexpr double kFlickerTimes = 3.0;                           ///< of what the
 constexpr double kFlickerWarning = 0.04, kFlickerFault = 0.12;  ///< share of the frames
 constexpr int kMinFlickers = 4;                                 ///< of a fault; fewer may be one incident
 constexpr double kBonesWarning = 0.9, kBonesFault = 0.8;        ///< share of the bones' length on the mask
-constexpr double kBorderWarning = 0.1;                          ///< share of the frames
+constexpr double kShiftGain = 0.05;     ///< share of the bones that keypoints of other rows must bring on the masks
+constexpr double kBorderWarning = 0.1;  ///< share of the frames
 constexpr double kEmptyWarning = 0.03, kEmptyFault = 0.2;
 constexpr double kEmptyArea = 2e-4;  ///< share of the image
 constexpr double kFullArea = 0.9;
@@ -229,11 +234,140 @@ class MaskJudge {
   std::vector<Finding>& findings_;
 };
 
+/// Keypoints and masks of a sequence that are of different times.
+class TimeJudge {
+ public:
+  /// @param found of the masks of this sequence
+  TimeJudge(const Sightings& seen, const RigExamination* rig, const SequenceFootage& footage,
+            const std::vector<Finding>& found)
+      : seen_(seen), rig_(rig), footage_(footage) {
+    for (std::size_t c = 0; c < footage.size(); ++c)
+      if (!footage[c].shifted_bones.empty() && footage[c].bones_at(0).count > 0) cameras_.push_back(c);
+    const auto fails = std::count_if(cameras_.begin(), cameras_.end(), [&](std::size_t c) {
+      return std::any_of(found.begin(), found.end(),
+                         [&](const Finding& finding) { return is_of_masks(finding, seen_.cameras[c].name); });
+    });
+    most_fail_ = 2 * static_cast<std::size_t>(fails) > cameras_.size();
+  }
+
+  static bool is_of_masks(const Finding& finding, const std::string& camera) {
+    return finding.camera == camera && (finding.fault == faults::kWrongMasks || finding.fault == faults::kMaskHoles);
+  }
+  /// Whether the masks of most cameras are not where the keypoints are.
+  bool most_fail() const { return most_fail_; }
+
+  /// The rows by which the keypoints that are on the masks are later; nothing if no time mends most cameras.
+  std::optional<int> shift() const {
+    const double before = bones_on_masks(0).value_or(1.0);
+    double most = std::max(kBonesWarning, before + kShiftGain);
+    std::optional<int> best;
+    for (int shift = -kMaxKeypointShift; shift <= kMaxKeypointShift; ++shift)
+      if (const auto on = bones_on_masks(shift); on && *on > most) {
+        most = *on;
+        best = shift;
+      }
+    return best;
+  }
+
+  /// Whether the sequence is too short to say anything about a shift.
+  bool cannot_tell(int shift) const { return !bones_on_masks(shift).has_value(); }
+
+  /// Whether the videos agree with the keypoints as they are, and the masks are those that are off. Masks that are
+  /// computed from the images cannot be.
+  bool masks_are_off(int shift) const {
+    const bool files = std::any_of(footage_.begin(), footage_.end(),
+                                   [](const FootageExamination& camera) { return camera.mask_values.has_value(); });
+    return files && contrast_of_shift(seen_, rig_, footage_, 0) > contrast_of_shift(seen_, rig_, footage_, shift);
+  }
+
+  bool is_mended(std::size_t c, int shift) const {
+    return footage_[c].shifted_bones.empty() || footage_[c].bones_at(shift).count == 0 ||
+           footage_[c].bones_at(shift).mean() >= kBonesFault;
+  }
+
+ private:
+  /// The mean over the cameras of the limbs on the masks; nothing if a camera has too few images with such keypoints.
+  std::optional<double> bones_on_masks(int shift) const {
+    double sum = 0.0;
+    for (const std::size_t c : cameras_) {
+      if (2 * footage_[c].bones_at(shift).count < footage_[c].bones_at(0).count) return std::nullopt;
+      sum += footage_[c].bones_at(shift).mean();
+    }
+    if (cameras_.empty()) return std::nullopt;
+    return sum / static_cast<double>(cameras_.size());
+  }
+
+  const Sightings& seen_;
+  const RigExamination* rig_;
+  const SequenceFootage& footage_;
+  std::vector<std::size_t> cameras_;  ///< with masks and keypoints
+  bool most_fail_ = false;
+};
+
+/// `{"0": 3, ...}` with the numbers that mend a shift of the keypoints (or of the masks) of a sequence.
+std::string offsets_text(const Sightings& seen, std::size_t sequence, int shift, bool masks) {
+  std::vector<std::string> cameras;
+  for (std::size_t c = 0; c < seen.cameras.size(); ++c) {
+    const StatedTimes& times = seen.times[sequence][c];
+    // The mask of a row fits the keypoints that are now `shift` rows later, so the files must be taken from there.
+    const long frames = std::lround(shift * times.clock.rate);
+    const long offset = masks ? times.mask_offset - frames : times.keypoint_offset + frames;
+    cameras.push_back(fmt::format("\"{}\": {}", seen.cameras[c].name, offset));
+  }
+  return fmt::format("{{{}}}", fmt::join(cameras, ", "));
+}
+
+/// One finding for the sequences whose keypoints and masks are `shift` rows apart.
+Finding finding_of_times(const Sightings& seen, const std::vector<std::size_t>& sequences, int shift, bool masks) {
+  std::map<std::string, std::vector<std::string>> names;  // by the offsets
+  for (const std::size_t s : sequences) names[offsets_text(seen, s, shift, masks)].push_back(seen.sequences[s]);
+  std::vector<std::string> offsets;
+  for (const auto& [text, of] : names)
+    offsets.push_back(
+        fmt::format("`{}: {}` for {}", masks ? "mask_offset" : "keypoint_offset", text, fmt::join(of, ", ")));
+  const int rows = std::abs(shift);
+  return {"", masks ? faults::kWrongMasks : faults::kWrongKeypoints, Severity::fault,
+          fmt::format("the {} of all cameras are {} row{} {} the {}", masks ? "masks" : "keypoints", rows,
+                      rows == 1 ? "" : "s", (shift < 0) != masks ? "later than" : "earlier than",
+                      masks ? "keypoints and videos" : "masks and videos"),
+          fmt::format("The numbers in the files are not those of the video's frames. Set {} in capture.yaml.",
+                      fmt::join(offsets, ", and "))};
+}
+
+/// Where keypoints and masks are of different times, what was found of the masks is one fault of all cameras.
+/// @param found [sequences] of the masks
+void judge_times(const Sightings& seen, const RigExamination* rig, const std::vector<SequenceFootage>& footage,
+                 std::vector<std::vector<Finding>>& found, std::vector<Finding>& findings) {
+  std::map<std::pair<int, bool>, std::vector<std::size_t>> sequences;  // by shift, and whether masks are off
+  std::vector<TimeJudge> judges;
+  for (std::size_t s = 0; s < footage.size(); ++s) {
+    judges.emplace_back(seen, rig, footage[s], found[s]);
+    if (!judges[s].most_fail()) continue;
+    if (const auto shift = judges[s].shift()) sequences[{*shift, judges[s].masks_are_off(*shift)}].push_back(s);
+  }
+  // A sequence that is too short for a shift is taken to have that of the others.
+  for (std::size_t s = 0; s < footage.size() && sequences.size() == 1; ++s)
+    if (const int usual = sequences.begin()->first.first;
+        judges[s].most_fail() && !judges[s].shift() && judges[s].cannot_tell(usual))
+      sequences.begin()->second.push_back(s);
+  for (const auto& [what, of] : sequences) {
+    findings.push_back(finding_of_times(seen, of, what.first, what.second));
+    for (const std::size_t s : of)
+      for (std::size_t c = 0; c < footage[s].size(); ++c)
+        if (judges[s].is_mended(c, what.first))
+          std::erase_if(found[s],
+                        [&](const Finding& finding) { return TimeJudge::is_of_masks(finding, seen.cameras[c].name); });
+  }
+}
+
 }  // namespace
 
 void examine_masks(const Sightings& seen, const RigExamination* rig, const std::vector<SequenceFootage>& footage,
                    std::vector<Finding>& findings) {
-  for (const SequenceFootage& sequence : footage) MaskJudge(seen, rig, sequence, findings).judge();
+  std::vector<std::vector<Finding>> found(footage.size());
+  for (std::size_t s = 0; s < footage.size(); ++s) MaskJudge(seen, rig, footage[s], found[s]).judge();
+  judge_times(seen, rig, footage, found, findings);
+  for (std::vector<Finding>& of : found) std::move(of.begin(), of.end(), std::back_inserter(findings));
 }
 
 }  // namespace doppel

@@ -165,6 +165,7 @@ class RigExaminer {
                       seen_.cameras[one].name, seen_.cameras[other].name));
       result_.faulty[one] = true;
     }
+    result_.exchanged.emplace_back(a, b);
   }
 
   /// Mistakes with all lenses leave cameras that agree, but not well.
@@ -433,11 +434,10 @@ class RigExaminer {
     const double after = residuals_of(seen_, c, view, body, all).mean_of_windows(seen_.windows.size());
     if (after > kDelayExplains * before) return;
     add(seen_.cameras[c].name, faults::kOutOfSync, std::abs(*delay) >= kSureDelay ? Severity::fault : Severity::warning,
-        fmt::format(
-            "its keypoints are {} of the person's size off, {} if its frames show the person {:.2g} rows later than "
-            "they should",
-            percent(before), percent(after), *delay),
-        "Correct `frame_offset` of this camera by this number of frames.");
+        fmt::format("its keypoints are {} of the person's size off, {} if its frames show the person {} than they "
+                    "should",
+                    percent(before), percent(after), rows_off(*delay)),
+        advice_of_delay(seen_, c, *delay, all));
     result_.views[c] = view;
   }
 
@@ -445,6 +445,7 @@ class RigExaminer {
     for (const auto& [camera, other] : swaps_) {
       const bool both = std::find(swaps_.begin(), swaps_.end(), std::pair(other, camera)) != swaps_.end();
       const std::string &name = seen_.cameras[camera].name, &there = seen_.cameras[other].name;
+      if (both && camera < other) result_.exchanged.emplace_back(camera, other);
       for (Finding& finding : findings_)
         if (finding.camera == name && finding.fault == faults::kSwapped)
           finding.advice = both ? fmt::format(
@@ -467,6 +468,11 @@ class RigExaminer {
 };
 
 }  // namespace
+
+bool RigExamination::is_exchanged(int camera) const {
+  return std::any_of(exchanged.begin(), exchanged.end(),
+                     [&](const auto& pair) { return pair.first == camera || pair.second == camera; });
+}
 
 std::optional<RigExamination> examine_rig(const Sightings& seen, std::vector<Finding>& findings) {
   if (seen.num_cameras() < 2 || !seen.has_people()) return std::nullopt;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "doppel/data/doctor/consensus.h"
@@ -15,6 +16,9 @@ struct RigExamination {
   bool whole_rig_faulty = false;    ///< a fault of all cameras together was found, and is corrected in `views`
   Consensus nominal;                ///< with the cameras as calibrated; if they do not agree, as in `views`
   std::vector<double> explained;    ///< [C] residual as `views` suppose, share of the person's size
+  std::vector<std::pair<int, int>> exchanged;  ///< cameras that have the keypoints of each other
+
+  bool is_exchanged(int camera) const;
 };
 
 /// Finds cameras that disagree with the consensus of the others, tries all explanations on each, and takes the one that

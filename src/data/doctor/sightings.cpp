@@ -89,6 +89,16 @@ Camera fitted_camera(const Camera& camera, const FootageFacts& video, std::vecto
   }
 }
 
+/// Whether the files state the names of their points: then these decide, whatever the map says.
+bool names_its_points(const std::string& source, const KeypointCamera& camera) {
+  std::filesystem::path file = source;
+  if (has_frame_placeholder(source))
+    file = expand_pattern(source, 0, "", frames_of_pattern(source).front());
+  else if (std::filesystem::is_directory(source))
+    file = keypoint_files_of_folder(source).begin()->second;
+  return !read_detections(file, camera).points.empty();
+}
+
 class SightingsReader {
  public:
   SightingsReader(const Capture& capture, long most_rows, std::vector<Finding>& findings, bool footage)
@@ -102,6 +112,7 @@ class SightingsReader {
     seen_.calibrated = chosen.cameras;
     seen_.cameras = chosen.cameras;
     seen_.file_index = chosen.file_index;
+    note_times();
     inspect_videos();
     seen_.people.resize(seen_.cameras.size());
     choose_points();
@@ -112,6 +123,16 @@ class SightingsReader {
   }
 
  private:
+  void note_times() {
+    for (const SequenceEntry& sequence : capture_.sequences) {
+      seen_.sequences.push_back(sequence.name);
+      seen_.times.emplace_back();
+      for (const Camera& camera : seen_.cameras)
+        seen_.times.back().push_back({capture_.clock(sequence, camera.name), sequence.keypoint_offset_of(camera.name),
+                                      sequence.mask_offset_of(camera.name)});
+    }
+  }
+
   void inspect_videos() {
     rows_.resize(capture_.sequences.size());
     for (std::size_t c = 0; c < seen_.cameras.size(); ++c) {
@@ -157,15 +178,38 @@ class SightingsReader {
     }
   }
 
-  PointLayout layout_of_files() const {
+  PointLayout layout_of_files() {
     for (const SequenceEntry& sequence : capture_.sequences)
       for (std::size_t c = 0; c < seen_.cameras.size() && !sequence.keypoints.empty(); ++c) try {
           const std::string source = capture_.source(sequence.keypoints, seen_.file_index[c], seen_.cameras[c].name);
-          const auto name = guess_layout(source, keypoint_camera(seen_.cameras[c], seen_.file_index[c]));
-          if (name) return read_keypoint_map(*name).layout;
+          const KeypointCamera camera = keypoint_camera(seen_.cameras[c], seen_.file_index[c]);
+          const auto name = guess_layout(source, camera);
+          if (!name) continue;
+          const PointLayout layout = read_keypoint_map(*name).layout;
+          if (!names_its_points(source, camera)) compare_with_map(layout);
+          return layout;
         } catch (const Error&) {  // the next camera may decide; below, the capture's map does
         }
     return layout_of_keypoints(capture_);
+  }
+
+  /// The number of the points and the limbs decided on the layout of the files, so the capture's map is wrong if it has
+  /// another one. A map of the body alone is not: files may have face and hands besides.
+  void compare_with_map(const PointLayout& of_files) {
+    if (capture_.keypoint_map.empty()) return;
+    const PointLayout stated = layout_of_keypoints(capture_);
+    const std::vector<std::string> known = builtin_keypoint_maps();
+    if (std::find(known.begin(), known.end(), stated.name) == known.end() || stated.name == of_files.name) return;
+    const bool is_body_of_files =
+        stated.points.size() < of_files.points.size() &&
+        std::equal(stated.points.begin(), stated.points.end(), of_files.points.begin(),
+                   [](const std::string& a, const std::string& b) { return landmark_key(a) == landmark_key(b); });
+    if (is_body_of_files) return;
+    findings_.push_back(
+        {"", faults::kWrongKeypoints, Severity::fault,
+         fmt::format("keypoint_map is {}, but the files are {}; correct the key", capture_.keypoint_map, of_files.name),
+         fmt::format("Set `keypoint_map: {}` in capture.yaml. Here the keypoints were examined as {}.", of_files.name,
+                     of_files.name)});
   }
 
   void read_sequence(int s) {

@@ -7,6 +7,7 @@
 
 #include "doppel/data/capture/capture.h"
 #include "doppel/data/capture/capture_cameras.h"
+#include "doppel/data/capture/frame_clock.h"
 #include "doppel/data/doctor/finding.h"
 #include "doppel/geometry/camera.h"
 
@@ -27,16 +28,24 @@ struct Instant {
   long row = 0;
 };
 
+/// What capture.yaml states about the times of a camera's files in a sequence.
+struct StatedTimes {
+  FrameClock clock;
+  long keypoint_offset = 0, mask_offset = 0;  ///< number of video frame 0 in the files
+};
+
 /// Everybody whom the detector found, in all cameras, sequences and rows that are examined.
 struct Sightings {
-  std::vector<Camera> cameras;      ///< [C] at the resolution of their images, with distortion
-  std::vector<Camera> calibrated;   ///< [C] as the calibration states them
-  std::vector<int> file_index;      ///< [C] position in the calibration
-  double scale = 1.0;               ///< units of the cameras' world per metre, see normalise_scale
-  std::string up;                   ///< axis of the calibration file's world that points up: "+z"
-  std::vector<std::string> points;  ///< [K] names (landmark_key)
-  std::vector<int> mirrored;        ///< [K] the same part on the other side of the body
-  std::vector<Instant> instants;    ///< [N]
+  std::vector<Camera> cameras;                  ///< [C] at the resolution of their images, with distortion
+  std::vector<Camera> calibrated;               ///< [C] as the calibration states them
+  std::vector<int> file_index;                  ///< [C] position in the calibration
+  double scale = 1.0;                           ///< units of the cameras' world per metre, see normalise_scale
+  std::string up;                               ///< axis of the calibration file's world that points up: "+z"
+  std::vector<std::string> sequences;           ///< names
+  std::vector<std::vector<StatedTimes>> times;  ///< [sequences][C]
+  std::vector<std::string> points;              ///< [K] names (landmark_key)
+  std::vector<int> mirrored;                    ///< [K] the same part on the other side of the body
+  std::vector<Instant> instants;                ///< [N]
   std::vector<std::vector<std::vector<SeenPerson>>> people;  ///< [C][N] of people
   std::vector<double> size;                                  ///< [C] median diagonal of a person's points, pixels
   std::vector<std::array<int, 2>> bones;                     ///< points that are neighbours on the body

@@ -224,10 +224,33 @@ std::string describe_sequence(const PlannedSequence& sequence) {
                      entry.largest_component, key, subtracted);
 }
 
-/// Name and size of a source, to detect that the file was replaced.
+/// Name and size of a source, to detect that the files were replaced.
 std::string describe_source(const std::string& source) {
-  const bool images = has_frame_placeholder(source) || fs::is_directory(source);
-  return images ? source : fmt::format("{} ({} bytes)", source, fs::file_size(source));
+  std::error_code missing;  // who opens the file tells that it does not exist
+  if (!has_frame_placeholder(source) && !fs::is_directory(source))
+    return fmt::format("{} ({} bytes)", source, fs::file_size(source, missing));
+  std::uintmax_t bytes = 0;
+  std::size_t files = 0;
+  const auto add = [&](const fs::path& file) {
+    bytes += fs::file_size(file, missing);
+    ++files;
+  };
+  if (fs::is_directory(source)) {
+    for (const auto& entry : fs::directory_iterator(source))
+      if (entry.is_regular_file()) add(entry.path());
+  } else {
+    for (const long frame : frames_of_pattern(source)) add(expand_pattern(source, 0, "", frame));
+  }
+  return fmt::format("{} ({} files, {} bytes)", source, files, bytes);
+}
+
+/// The images of the empty studio or scene that the masks of a camera are computed with; empty when there are none.
+std::string describe_empty_scene(const PreparePlan& plan, const SequenceEntry& entry, int camera) {
+  if (entry.chroma_key && entry.chroma_key->against_background && !plan.capture.background.empty())
+    return ", background " + describe_source(plan.source(plan.capture.background, camera));
+  if (entry.subtraction && !entry.subtraction->empty.empty())
+    return ", empty scene " + describe_source(plan.source(entry.subtraction->empty, camera));
+  return "";
 }
 
 /// The coefficients of a lens. Those that few lenses have are left out where they are 0.
@@ -259,6 +282,7 @@ std::string describe_settings(const PreparePlan& plan, const PrepareOptions& opt
       if (clock.rate != 1.0) text += fmt::format(", {} frames per row", clock.rate);
       if (!sequence.entry.masks_from_images())
         text += ", masks " + describe_source(plan.source(sequence.entry.masks, index));
+      text += describe_empty_scene(plan, sequence.entry, index);
       if (const long offset = sequence.entry.mask_offset_of(plan.cameras[c].name); offset != 0)
         text += fmt::format(" from number {} on", offset);
       text += "\n";

@@ -1,5 +1,8 @@
 #include "doppel/io/motion_import/read_motion_file.h"
 
+#include <array>
+#include <utility>
+
 #include "doppel/character/bvh.h"
 #include "doppel/character/resample_motion.h"
 #include "doppel/core/error.h"
@@ -65,6 +68,16 @@ double rate_of_rows(const fs::path& path, const MotionFileOptions& options) {
 MotionFromFile read_own_motion(const fs::path& path, const Character& character, const MotionFileOptions& options) {
   if (!options.map.empty())
     fail<UsageError>("--map is for motions of another skeleton; give a file of one, or --source-skeleton");
+  const std::array<std::pair<const char*, bool>, 4> of_others{{{"--animation", !options.source.animation.empty()},
+                                                               {"--person", !options.source.person.empty()},
+                                                               {"--up", options.source.up.has_value()},
+                                                               {"--unit", options.source.metres_per_unit.has_value()}}};
+  for (const auto& [option, given] : of_others)
+    if (given)
+      fail<UsageError>(
+          "{} is for files of another body; {} is a motion of the character itself, whose skeleton gives "
+          "its axes and unit",
+          option, path.string());
   const double rate = rate_of_rows(path, options);
   MotionFromFile result;
   result.frames_per_second = options.frames_per_second > 0 ? options.frames_per_second : rate;

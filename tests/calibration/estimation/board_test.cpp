@@ -1,11 +1,14 @@
 #include "doppel/calibration/estimation/board.h"
 
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 
 #include "calibration/estimation/drawn_board.h"
 #include "calibration/estimation/rig_error.h"
 #include "doppel/calibration/estimation/calibrate_board.h"
 #include "doppel/calibration/estimation/charuco_versions.h"
+#include "doppel/calibration/estimation/fit_lens.h"
+#include "doppel/core/angles.h"
 #include "doppel/core/error.h"
 #include "support/message_of.h"
 #include "support/ring_of_cameras.h"
@@ -18,7 +21,11 @@ using support::chessboard_paint;
 using support::drawn_board;
 using support::facing;
 using support::message_of;
+using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
 
 Camera desk_camera() {
   Camera camera;
@@ -248,9 +255,159 @@ TEST(CalibrateBoard, RigThatNoBoardShowsAtOnce) {
   EXPECT_NEAR((cameras[0].centre() - cameras[3].centre()).norm(),
               (ground_truth[0].centre() - ground_truth[3].centre()).norm(), 0.02);
   EXPECT_GT(cameras[0].centre().y(), 0.0);
+}
 
-  seen[5].views.clear();
-  EXPECT_THAT(message_of<Error>([&] { calibrate_boards(seen, board); }), HasSubstr("camera c5"));
+/// What a rig before a board sees; the cameras stand side by side and look along +z.
+std::vector<BoardSightings> row_of_cameras(std::size_t count, const Board& board, int views) {
+  std::vector<BoardPose> poses;
+  for (int view = 0; view < views; ++view) poses.push_back(desk_pose(view, board));
+  std::vector<BoardSightings> seen;
+  for (std::size_t c = 0; c < count; ++c) {
+    Camera camera = desk_camera();
+    camera.name = fmt::format("c{}", c);
+    camera.t.x() = 0.02 - 0.02 * static_cast<double>(c);
+    seen.push_back(sightings(camera, board, poses, static_cast<unsigned>(c)));
+  }
+  return seen;
+}
+
+TEST(CalibrateBoard, LeavesOutACameraThatSawTooLittle) {
+  const Board board = parse_board("chessboard:7x4:40mm");
+  std::vector<BoardSightings> seen = row_of_cameras(3, board, 12);
+  seen[2].views.clear();
+  const BoardCalibration found = calibrate_boards(seen, board);
+  ASSERT_EQ(found.cameras.size(), 2U);
+  EXPECT_TRUE(found.cameras[1].posed);
+  EXPECT_THAT(found.notes, Contains(HasSubstr("a camera is left out: calibrating camera c2")));
+  for (BoardSightings& camera : seen) camera.views.clear();
+  EXPECT_THAT(message_of<Error>([&] { calibrate_boards(seen, board); }),
+              AllOf(HasSubstr("camera c0"), HasSubstr("camera c2")));
+}
+
+TEST(CalibrateBoard, NamesGroupsOfCamerasThatNoBoardConnects) {
+  const Board board = parse_board("chessboard:7x4:40mm");
+  std::vector<BoardSightings> seen = row_of_cameras(4, board, 14);
+  for (const std::size_t c : {2U, 3U}) {
+    std::map<long, BoardView> later;
+    for (const auto& [instant, view] : seen[c].views)
+      if (instant > 0) later[instant + 1000] = view;
+    seen[c].views = later;
+  }
+  const BoardCalibration found = calibrate_boards(seen, board);
+  ASSERT_EQ(found.cameras.size(), 4U);
+  EXPECT_TRUE(found.cameras[0].posed && found.cameras[1].posed);
+  EXPECT_FALSE(found.cameras[2].posed || found.cameras[3].posed);
+  EXPECT_THAT(found.notes, Contains(HasSubstr("the cameras c2, c3 see the board together, but never with c0, c1")));
+}
+
+/// The same images, of a camera that is mounted on its side: turned by 90 degrees.
+BoardSightings on_its_side(BoardSightings seen) {
+  for (auto& [instant, view] : seen.views)
+    for (Eigen::Vector2d& pixel : view.pixels) pixel = Eigen::Vector2d(pixel.y(), seen.width - pixel.x());
+  std::swap(seen.width, seen.height);
+  return seen;
+}
+
+TEST(CalibrateBoard, SaysThatUpIsUncertainWhenACameraLiesOnItsSide) {
+  const Board board = parse_board("chessboard:7x4:40mm");
+  std::vector<BoardSightings> seen = row_of_cameras(3, board, 14);
+  const auto is_uncertain = Contains(HasSubstr("up is uncertain"));
+  EXPECT_THAT(calibrate_boards(seen, board).notes, Not(is_uncertain));
+  seen[2] = on_its_side(seen[2]);
+  EXPECT_THAT(calibrate_boards(seen, board).notes, Contains(HasSubstr("camera c2 is turned by")));
+  BoardCalibrationOptions on_the_floor;
+  on_the_floor.floor = seen[0].views.begin()->first;
+  EXPECT_THAT(calibrate_boards(seen, board, on_the_floor).notes, Not(is_uncertain));
+}
+
+TEST(CalibrateBoard, NamesAWrongNumberOfSquaresWhereMostViewsFitBadly) {
+  // Corners that are numbered by a board of another width lie where no board has them.
+  const Board filmed = parse_board("charuco:7x5:40mm:30mm:DICT_4X4_50"),
+              stated = parse_board("charuco:6x6:40mm:30mm:DICT_4X4_50");
+  BoardSightings seen = row_of_cameras(1, filmed, 10)[0];
+  for (auto& [instant, view] : seen.views)
+    while (view.corners.back() >= stated.num_corners()) view.corners.pop_back(), view.pixels.pop_back();
+  std::string said;
+  try {
+    said = fmt::format("{}", fmt::join(calibrate_intrinsics(seen, stated).notes, "; "));
+  } catch (const Error& error) {
+    said = error.what();
+  }
+  EXPECT_THAT(said, HasSubstr("are the numbers of squares of the board right, 6 x 6?"));
+}
+
+/// The lens of a fisheye camera whose image reaches to about 75 degrees from the axis.
+Camera fisheye_camera() {
+  Camera camera = desk_camera();
+  camera.width = 800;
+  camera.height = 600;
+  camera.lens = Lens::fisheye;
+  camera.K << 372, 0, 407, 0, 375, 295, 0, 0, 1;
+  camera.distortion = {0.05, -0.02, 0.004, 0.001};
+  return camera;
+}
+
+/// @param reach radians from the axis up to which the middle of the board lies
+BoardSightings fisheye_sightings(const Camera& camera, const Board& board, double reach, int views) {
+  std::vector<BoardPose> poses;
+  for (int view = 0; view < views; ++view) {
+    const double angle = reach * std::sqrt((view + 0.5) / views), round = 2.4 * view;
+    const Eigen::Vector3d direction(std::sin(angle) * std::cos(round), std::sin(angle) * std::sin(round),
+                                    std::cos(angle));
+    poses.push_back(facing((0.6 + 0.15 * std::sin(1.3 * view)) * direction, {0, 0, 0}, 0.45 * std::sin(1.1 * view),
+                           0.45 * std::cos(0.9 * view), 0.2 * std::sin(3.0 * view), board));
+  }
+  return sightings(camera, board, poses, 7);
+}
+
+/// The largest distance in pixels between two lenses over the directions up to an angle that the image shows, degrees.
+double lens_error(const Camera& found, const Camera& ground_truth, double degrees) {
+  double worst = 0.0;
+  for (double angle = 1.0; angle <= degrees; angle += 1.0)
+    for (const double round : {0.6, 2.5, 3.7, 5.6}) {
+      const Eigen::Vector3d direction(std::sin(angle * kRadiansPerDegree) * std::cos(round),
+                                      std::sin(angle * kRadiansPerDegree) * std::sin(round),
+                                      std::cos(angle * kRadiansPerDegree));
+      worst = std::max(worst, (found.project(direction) - ground_truth.project(direction)).norm());
+    }
+  return worst;
+}
+
+TEST(CalibrateBoard, FisheyeLensDoesNotTurnBackBeyondTheCorners) {
+  const Board board = parse_board("chessboard:6x3:60mm");
+  const Camera camera = fisheye_camera();
+  BoardCalibrationOptions options;
+  options.lens = Lens::fisheye;
+  const CameraIntrinsics found = calibrate_intrinsics(fisheye_sightings(camera, board, 0.3, 24), board, options);
+  EXPECT_EQ(found.camera.distortion[2], 0.0);
+  EXPECT_EQ(found.camera.distortion[3], 0.0);
+  EXPECT_LT(lens_error(found.camera, camera, 60.0), 12.0);
+  EXPECT_GT(found.focal_sigma, 0.1);
+  EXPECT_LT(std::abs(found.camera.K(0, 0) - camera.K(0, 0)), 4.0 * found.focal_sigma);
+  EXPECT_THAT(found.notes, Contains(HasSubstr("the lens is extrapolated")));
+}
+
+TEST(CalibrateBoard, FisheyeLensIsFittedToItsRimWhereTheCornersReachIt) {
+  const Board board = parse_board("chessboard:6x3:60mm");
+  Camera camera = fisheye_camera();
+  camera.K << 260, 0, 407, 0, 262, 295, 0, 0, 1;
+  camera.distortion = {0.05, -0.05, 0.03, -0.008};
+  BoardCalibrationOptions options;
+  options.lens = Lens::fisheye;
+  const CameraIntrinsics found = calibrate_intrinsics(fisheye_sightings(camera, board, 1.25, 40), board, options);
+  EXPECT_NE(found.camera.distortion[3], 0.0);
+  EXPECT_LT(lens_error(found.camera, camera, 65.0), 1.5);
+  EXPECT_THAT(found.notes, IsEmpty());
+}
+
+TEST(CalibrateBoard, SaysWhereALensTurnsBack) {
+  Camera camera = fisheye_camera();
+  EXPECT_FALSE(angle_of_turning_back(camera));
+  EXPECT_NEAR(angle_of_image_corner(camera) / kRadiansPerDegree, 75.0, 4.0);
+  // theta (1 - theta^2) grows up to theta = 1 / sqrt(3), which is 33.1 degrees.
+  camera.distortion = {-1.0};
+  ASSERT_TRUE(angle_of_turning_back(camera));
+  EXPECT_NEAR(*angle_of_turning_back(camera) / kRadiansPerDegree, 33.1, 0.5);
 }
 
 TEST(CalibrateBoard, CameraThatSharesNoInstantHasNoPose) {

@@ -156,6 +156,16 @@ TEST(RefineRig, LeavesOutACameraWithoutPoints) {
   EXPECT_TRUE(found.reports[2].refined);
 }
 
+TEST(RefineRig, RefusesWhenTheOnlyFreeCameraSawNothing) {
+  const std::vector<Camera> cameras = rig_of(4, 512);
+  PointTracks tracks = film(cameras, walker, {});
+  tracks.cameras[3] = CameraTrack(tracks.cameras[3].name, 25.0, 200, support::kWalkerPoints);
+  RefineOptions options;
+  options.fixed = {0, 1, 2, 2};
+  EXPECT_THAT(support::message_of<UsageError>([&] { refine_rig(cameras, tracks, options); }),
+              HasSubstr("c3: it saw only 0 points"));
+}
+
 TEST(RefineRig, RefusesHostileInput) {
   using support::message_of;
   const std::vector<Camera> cameras = rig_of(3, 512);
@@ -178,6 +188,9 @@ TEST(RefineRig, RefusesHostileInput) {
   RefineOptions wrong;
   wrong.limbs = {{0, 99}};
   EXPECT_THAT(message_of<UsageError>([&] { refine_rig(cameras, tracks, wrong); }), HasSubstr("limb"));
+  RefineOptions all_fixed;
+  all_fixed.fixed = {0, 1, 2};
+  EXPECT_THAT(message_of<UsageError>([&] { refine_rig(cameras, tracks, all_fixed); }), HasSubstr("all 3 cameras"));
   std::vector<Camera> faulty = cameras;
   faulty[1].K(0, 0) = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THAT(message_of<Error>([&] { refine_rig(faulty, tracks); }), HasSubstr("not finite"));

@@ -17,7 +17,9 @@ namespace {
 
 using support::replaced;
 using support::TemporaryFolder;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 constexpr const char* kSkeletool =
     "Skeletool Camera Calibration File V1.0\n"
@@ -265,6 +267,55 @@ TEST(CalibrationReference, EveryWriterIsReadBack) {
     }
     EXPECT_TRUE(is_calibration(folder / format));
   }
+}
+
+TEST(CalibrationReference, IntrinsicsAloneHaveNoPoses) {
+  const TemporaryFolder folder;
+  for (const char* name : {"x.yml", "x.json", "x.xml", "x.toml"}) {
+    SCOPED_TRACE(name);
+    const std::vector<Camera> cameras = random_cameras(name[2] == 't' ? 1 : 2, true);
+    for (std::size_t count : {std::size_t{1}, cameras.size()}) {
+      write_intrinsics(folder / name, {cameras.begin(), cameras.begin() + static_cast<std::ptrdiff_t>(count)});
+      const Calibration found = load_calibration(folder / name);
+      EXPECT_FALSE(found.has_poses);
+      ASSERT_EQ(found.cameras.size(), count);
+      EXPECT_NEAR(found.cameras[0].K(0, 2), cameras[0].K(0, 2), 1e-9);
+      EXPECT_TRUE(found.cameras[0].R.isIdentity(0.0));
+      EXPECT_THROW(read_calibration(folder / name), FileError);
+    }
+  }
+  // A single camera whose pose is stated has it, even at the origin.
+  std::vector<Camera> one = random_cameras(1, false);
+  one[0].R.setIdentity();
+  one[0].t.setZero();
+  write_calibration(folder / "one.yml", one);
+  EXPECT_TRUE(load_calibration(folder / "one.yml").has_poses);
+}
+
+TEST(CalibrationReference, OptionsOverrideWhatTheFileStatesWithANote) {
+  const TemporaryFolder folder;
+  write_calibration(folder / "cameras.yml", ring(Eigen::Vector3d::UnitY()));
+  EXPECT_THAT(load_calibration(folder / "cameras.yml", {"m", "+y"}).notes, IsEmpty());
+  const Calibration found = load_calibration(folder / "cameras.yml", {"cm", "+z"});
+  EXPECT_EQ(found.unit, "cm");
+  EXPECT_EQ(found.up, "+z");
+  EXPECT_THAT(found.notes, ElementsAre(HasSubstr("states the unit m; the unit cm"), HasSubstr("states that +y is up")));
+}
+
+TEST(CalibrationReference, TargetsAreCheckedBeforeLongWork) {
+  const TemporaryFolder folder;
+  const auto check = [&](const char* name, const char* format, bool distortion) {
+    check_calibration_target(folder / name, format, distortion);
+  };
+  EXPECT_THROW(check("y.txt", "", false), Error);
+  EXPECT_THROW(check("y.yml", "qualisys", false), UsageError);
+  EXPECT_THROW(check("y.calibration", "", true), UsageError);
+  EXPECT_NO_THROW(check("y.calibration", "", false));
+  EXPECT_NO_THROW(check("new/y.yml", "", true));
+  std::filesystem::create_directories(folder / "full.yml/x");
+  EXPECT_THROW(check("full.yml", "", true), UsageError);
+  EXPECT_THROW(check("full.yml", "colmap", true), UsageError);
+  EXPECT_FALSE(std::filesystem::exists(folder / "new"));
 }
 
 TEST(CalibrationReference, FoldersMayEndWithASlash) {

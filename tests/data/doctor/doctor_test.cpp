@@ -7,6 +7,7 @@
 
 #include "data/doctor/planted_faults.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/data/doctor/explanation.h"
 #include "doppel/synth/synth.h"
 #include "support/temporary_folder.h"
 
@@ -258,6 +259,253 @@ TEST(DoctorReference, SaysWhichThresholdMasksOfLabelsNeed) {
   for (SequenceEntry& sequence : patient.capture.sequences) sequence.mask_threshold = 1;
   patient.save();
   EXPECT_EQ(told(examine_capture(read_capture(folder / "patient"))), "healthy");
+}
+
+/// The first finding of a fault; null: none.
+const Finding* found_of(const Examination& examination, const std::string& camera, const std::string& fault) {
+  const auto found =
+      std::find_if(examination.findings.begin(), examination.findings.end(),
+                   [&](const Finding& finding) { return finding.camera == camera && finding.fault == fault; });
+  return found == examination.findings.end() ? nullptr : &*found;
+}
+
+/// A copy of the healthy capture, changed.
+class DoctorChanged : public ::testing::Test {
+ protected:
+  DoctorChanged() { std::filesystem::copy(healthy_capture(), folder_ / "patient", kAll); }
+  Examination examined(bool footage = true) const {
+    return examine_capture(read_capture(folder_ / "patient"), {.footage = footage});
+  }
+  /// Two cameras exchange the paths that a key names.
+  static void exchange(Patient& patient, CameraPaths SequenceEntry::*key, const std::string& a, const std::string& b) {
+    for (SequenceEntry& sequence : patient.capture.sequences) {
+      std::map<std::string, std::string> paths;
+      for (const char* camera : {"0", "1", "2", "3", "4", "5"})
+        paths[camera] = expand_camera((sequence.*key).sample(), std::stoi(camera), camera);
+      std::swap(paths[a], paths[b]);
+      sequence.*key = CameraPaths(paths);
+    }
+    patient.save();
+  }
+
+  static constexpr auto kAll = std::filesystem::copy_options::recursive;
+  TemporaryFolder folder_;
+};
+
+/// Findings of videos that have some numbers of frames and begin at some rows.
+std::string told_of_lengths(const std::vector<std::pair<long, double>>& rows_and_starts) {
+  Sightings seen;
+  SequenceFootage footage;
+  for (const auto& [rows, start] : rows_and_starts) {
+    seen.cameras.emplace_back();
+    seen.cameras.back().name = std::to_string(footage.size());
+    footage.emplace_back();
+    footage.back().frames = footage.back().rows = rows;
+    footage.back().start = start;
+  }
+  std::vector<Finding> findings;
+  examine_images(seen, nullptr, {footage}, findings);
+  std::string text;
+  for (const Finding& finding : findings) text += finding.camera + " " + finding.fault + ": " + finding.figure + ". ";
+  return text;
+}
+
+TEST(DoctorFrames, AreMissingOfEachCameraThatHasFewer) {
+  EXPECT_EQ(told_of_lengths({{60, 0}, {60, 0}, {60, 0}, {40, 0}}),
+            "3 frame_drops: 20 frames fewer than the other cameras. ");
+  EXPECT_EQ(told_of_lengths({{60, 0}, {60, 0}, {40, 0}, {50, 0}}),
+            "2 frame_drops: 20 frames fewer than the other cameras. "
+            "3 frame_drops: 10 frames fewer than the other cameras. ");
+  EXPECT_EQ(told_of_lengths({{60, 0}, {-1, 0}, {60, 0}, {58, -4}}),
+            "3 frame_drops: 2 frames fewer than the other cameras. ");
+}
+
+TEST(DoctorFrames, AreNotMissingWhereCamerasWereStartedOrStoppedApart) {
+  EXPECT_EQ(told_of_lengths({{60, 0}, {60, 0}, {60, 0}, {60, -5}}), "");
+  EXPECT_EQ(told_of_lengths({{60, 0}, {60, 0}, {60, 0}, {65, -5}}), "");
+  EXPECT_EQ(told_of_lengths({{65, -5}, {65, -5}, {60, 0}, {60, 0}}), "");
+  EXPECT_EQ(told_of_lengths({{60, 0}, {60, 0}, {60, 0}, {55, 4.6}}), "");
+  EXPECT_EQ(told_of_lengths({{60, 0}, {62, 0}, {65, 0}, {67, 0}}), "") << "stopped by hand";
+  EXPECT_EQ(told_of_lengths({{60, 0}, {40, 0}}), "") << "of two cameras, either may be right";
+}
+
+TEST_F(DoctorChanged, ACameraThatStartedEarlierOrLaterHasAllFrames) {
+  Patient patient(folder_ / "patient");
+  change_video(patient, 3, [](std::vector<cv::Mat>& images) {
+    const std::size_t count = images.size();
+    const cv::Mat first = images.front();
+    images.insert(images.begin(), 5, first);
+    images.resize(count);
+  });
+  change_video(patient, 1, [](std::vector<cv::Mat>& images) { images.erase(images.begin(), images.begin() + 2); });
+  for (SequenceEntry& sequence : patient.capture.sequences) {
+    sequence.frame_offset = {{"1", -2.0}, {"3", 5.0}};
+    sequence.keypoint_offset = {{"1", 2}, {"3", -5}};
+    sequence.mask_offset = {{"1", 2}, {"3", -5}};
+  }
+  patient.save();
+  EXPECT_EQ(told(examined()), "healthy");
+}
+
+TEST_F(DoctorChanged, AWrongKeypointMapIsNamedAndNotUsed) {
+  Patient patient(folder_ / "patient");
+  patient.capture.keypoint_map = "body25b";
+  patient.save();
+  const Examination examination = examined();
+  const Finding* found = found_of(examination, "", "wrong_keypoints");
+  ASSERT_TRUE(found) << told(examination);
+  EXPECT_EQ(examination.findings.size(), 1u) << told(examination);
+  EXPECT_EQ(found->severity, Severity::fault);
+  EXPECT_EQ(found->figure, "keypoint_map is body25b, but the files are body25; correct the key");
+  ASSERT_TRUE(examination.body);
+  EXPECT_NEAR(examination.body->stature, 1.7, 0.25);
+}
+
+TEST_F(DoctorChanged, ADelayIsToldAsTheFrameOffsetThatMendsIt) {
+  Patient patient(folder_ / "patient");
+  patient.capture.sequences.resize(1);
+  SequenceEntry& sequence = patient.capture.sequences[0];
+  sequence.last_frame = 38;
+  for (const double stated : {4.0, -4.0}) {
+    sequence.frame_offset["2"] = stated;
+    patient.save();
+    const Examination examination = examined(false);
+    const Finding* found = found_of(examination, "2", "out_of_sync");
+    ASSERT_TRUE(found) << told(examination);
+    EXPECT_THAT(found->figure, HasSubstr(stated > 0.0 ? "rows later" : "rows earlier"));
+    double mended = NAN;
+    ASSERT_EQ(std::sscanf(found->advice.c_str(), "Set `frame_offset` of 2 to %lf (it is ", &mended), 1)
+        << found->advice;
+    EXPECT_NEAR(mended, 0.0, 0.5) << found->advice;
+    EXPECT_THAT(found->advice, HasSubstr(fmt::format("(it is {}).", stated)));
+  }
+}
+
+TEST_F(DoctorChanged, ADelayOfACameraOfTwiceTheRateIsToldInItsFrames) {
+  Patient patient(folder_ / "patient");
+  patient.capture.sequences.resize(1);
+  SequenceEntry& sequence = patient.capture.sequences[0];
+  const std::string pattern = keypoint_pattern(patient, sequence, 2);
+  std::vector<nlohmann::json> files;
+  for (long frame = 0; fs::exists(expand_pattern(pattern, 0, "", frame)); ++frame)
+    files.push_back(read_json(expand_pattern(pattern, 0, "", frame)));
+  for (std::size_t frame = 0; frame < 2 * files.size(); ++frame)
+    std::ofstream(expand_pattern(pattern, 0, "", static_cast<long>(frame))) << files[frame / 2].dump();
+  patient.capture.camera_fps["2"] = 2.0 * patient.capture.fps;
+  sequence.last_frame = 38;
+  sequence.frame_offset["2"] = 8.0;
+  patient.save();
+  const Examination examination = examined(false);
+  const Finding* found = found_of(examination, "2", "out_of_sync");
+  ASSERT_TRUE(found) << told(examination);
+  double mended = NAN;
+  ASSERT_EQ(std::sscanf(found->advice.c_str(), "Set `frame_offset` of 2 to %lf (it is 8)", &mended), 1)
+      << found->advice;
+  EXPECT_NEAR(mended, 0.0, 1.0) << found->advice;
+}
+
+TEST_F(DoctorChanged, KeypointsOfOtherFramesThanTheMasksAreOneFaultOfAllCameras) {
+  for (const bool masks : {false, true}) {
+    Patient patient(folder_ / "patient");
+    patient.capture.sequences.resize(1);
+    SequenceEntry& sequence = patient.capture.sequences[0];
+    sequence.last_frame = 40;
+    sequence.keypoint_offset.clear();
+    for (const char* camera : {"0", "1", "2", "3", "4", "5"})
+      (masks ? sequence.mask_offset : sequence.keypoint_offset)[camera] = 6;
+    patient.save();
+    const Examination examination = examined();
+    const Finding* found = found_of(examination, "", masks ? "wrong_masks" : "wrong_keypoints");
+    ASSERT_TRUE(found) << told(examination);
+    EXPECT_EQ(examination.findings.size(), 1u) << told(examination);
+    EXPECT_EQ(found->figure, masks ? "the masks of all cameras are 6 rows later than the keypoints and videos"
+                                   : "the keypoints of all cameras are 6 rows later than the masks and videos");
+    EXPECT_THAT(found->advice,
+                HasSubstr(fmt::format("Set `{}: {{\"0\": 0, \"1\": 0, \"2\": 0, \"3\": 0, \"4\": 0, \"5\": 0}}` for",
+                                      masks ? "mask_offset" : "keypoint_offset")));
+  }
+}
+
+TEST_F(DoctorChanged, ExchangedKeypointFilesAreToldFromExchangedFootage) {
+  for (const bool masks : {true, false}) {
+    Patient patient(folder_ / "patient");
+    exchange(patient, &SequenceEntry::keypoints, "1", "2");
+    if (!masks)
+      for (SequenceEntry& sequence : patient.capture.sequences) sequence.masks = CameraPaths();
+    patient.save();
+    const Examination keypoints_alone = examined();
+    for (const char* camera : {"1", "2"}) {
+      const Finding* found = found_of(keypoints_alone, camera, "swapped_cameras");
+      ASSERT_TRUE(found) << told(keypoints_alone);
+      EXPECT_THAT(found->advice, HasSubstr("Only the keypoint files of"));
+    }
+    EXPECT_EQ(keypoints_alone.findings.size(), 2u) << told(keypoints_alone);
+    exchange(patient, &SequenceEntry::videos, "1", "2");
+    if (masks) exchange(patient, &SequenceEntry::masks, "1", "2");
+    const Examination all = examined();
+    const Finding* found = found_of(all, "1", "swapped_cameras");
+    ASSERT_TRUE(found) << told(all);
+    EXPECT_THAT(found->advice, HasSubstr("The footage of cameras 1 and 2 is exchanged"));
+    fs::copy(healthy_capture() / "capture.yaml", folder_ / "patient/capture.yaml",
+             fs::copy_options::overwrite_existing);
+  }
+}
+
+/// A camera that shows a body in the rows that `shown` tells, in a sequence with a cut and in a short one. The others
+/// see the body as it is.
+class DoctorClock : public ::testing::Test {
+ protected:
+  static constexpr int kPoints = 6;
+
+  static Eigen::Vector3d position(double row, int point) {
+    const double turn = 0.21 * row + point;
+    return {0.7 * std::sin(0.13 * row) + 0.3 * std::cos(turn), 0.3 * point - 0.8, 0.3 * std::sin(1.3 * turn)};
+  }
+  /// The fault of the best explanation, and whether jumps are among the explanations.
+  static std::pair<std::string, bool> explained(const std::function<double(long row)>& shown) {
+    Sightings seen;
+    Camera camera;
+    camera.width = camera.height = 400;
+    camera.K << 300.0, 0.0, 200.0, 0.0, 300.0, 200.0, 0.0, 0.0, 1.0;
+    camera.t = {0.0, 0.0, 4.0};
+    seen.cameras = seen.calibrated = {camera};
+    for (int k = 0; k < kPoints; ++k) {
+      seen.points.push_back(std::to_string(k));
+      seen.mirrored.push_back(k);
+    }
+    for (long row = 0; row < 100; ++row) seen.instants.push_back({0, row < 50 ? 0 : 1, row});
+    for (long row = 0; row < 13; ++row) seen.instants.push_back({1, 2, row});
+    cv::RNG random(3);
+    BodyTrack body(seen.num_instants(), kPoints);
+    seen.people.emplace_back();
+    for (int i = 0; i < seen.num_instants(); ++i) {
+      SeenPerson person(kPoints);
+      for (int k = 0; k < kPoints; ++k) {
+        body.at(i, k) = position(static_cast<double>(seen.instants[i].row), k);
+        const Eigen::Vector2d noise(random.gaussian(0.8), random.gaussian(0.8));
+        person[k] = {camera.project(position(shown(seen.instants[i].row), k)) + noise, true};
+      }
+      seen.people[0].push_back({person});
+    }
+    complete_sightings(seen);
+    const auto all = explain_by_time(seen, 0, body, all_instants(seen));
+    const bool jumps = std::any_of(all.begin(), all.end(), [](const auto& one) { return one.fault == "frame_drops"; });
+    return {best_explanation(all)->fault, jumps};
+  }
+};
+
+TEST_F(DoctorClock, OfAnotherRateIsNoJump) {
+  for (const double rate : {0.96, 0.985, 1.04})
+    EXPECT_EQ(explained([=](long row) { return rate * static_cast<double>(row); }),
+              std::pair(std::string("rolling_offset"), false))
+        << rate;
+}
+
+TEST_F(DoctorClock, ThatJumpsIsNoOtherRate) {
+  for (const double lost : {3.0, 6.0})
+    EXPECT_EQ(explained([=](long row) { return static_cast<double>(row) + (row >= 60 ? lost : 0.0); }),
+              std::pair(std::string("frame_drops"), true))
+        << lost;
 }
 
 class DoctorPlanted : public ::testing::TestWithParam<Planted> {};

@@ -369,6 +369,20 @@ TEST(PrepareRejects, OtherSettingsUnlessOverwriting) {
   EXPECT_EQ(Dataset::open(fixture.out()).mask_size(), 80);
 }
 
+TEST(PrepareRejects, MaskImagesThatWereDrawnAgain) {
+  const CaptureFixture fixture(test_capture::Options{2, 4, 2, false});
+  fixture.prepare();
+  const auto masks = fixture.root() / "training/masks";
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(masks)) {
+    if (!entry.is_regular_file()) continue;
+    cv::Mat mask = cv::imread(entry.path().string(), cv::IMREAD_GRAYSCALE);
+    cv::erode(mask, mask, cv::Mat(), {-1, -1}, 5);
+    cv::imwrite(entry.path().string(), mask);
+  }
+  EXPECT_THAT(support::message_of<Error>([&] { fixture.prepare(); }),
+              ::testing::AllOf(HasSubstr("bytes"), HasSubstr("--overwrite")));
+}
+
 TEST(PrepareRejects, FrameCountsThatDiffer) {
   const CaptureFixture fixture;
   const Motion longer = test_capture::swaying_motion(fixture.character, 14, 0.0);

@@ -39,8 +39,8 @@ void check_engine_clip(const EngineTeacher& teacher, const EngineClipOptions& op
   if (poses < kPosesPerShape * count)
     fail<UsageError>(
         "fitting {} {}: the motions to fit have {} poses at {} a second, and at least {} are needed; "
-        "give more or longer motions (--motion, several times), an actor by --run, whose training motions are fitted "
-        "too, or a smaller number ({})",
+        "give more or longer motions (--motion, several times; the training motions of an actor given by --run count "
+        "too), or a smaller number ({})",
         count, what, poses, teacher.frames_per_second, kPosesPerShape * count, option);
 }
 

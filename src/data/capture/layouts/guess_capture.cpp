@@ -210,15 +210,26 @@ class Guesser {
     if (!all.unmatched.empty())
       found("footage: {} {} no camera of the calibration; not used", some_of(all.unmatched),
             all.unmatched.size() == 1 ? "matches" : "match");
-    if (filmed_.empty())
-      missing(
-          "no videos, and no folders of images; put one video for each camera into the folder, named like the "
-          "camera: {}",
-          some_of(names_));
+    if (filmed_.empty()) tell_no_footage();
     count_positions_of_steps();
     std::set<std::string> used;
     for (const SequenceFiles& sequence : filmed_) add_sequence(sequence, all.way, used);
     tell_splits();
+  }
+
+  void tell_no_footage() {
+    const Streams images = filtered(matching(streams_, hints_.videos, FileRole::footage, names_),
+                                    [](const FileStream& stream) { return stream.kind == FileKind::image; });
+    if (images.empty())
+      return missing(
+          "no videos, and no folders of images; put one video for each camera into the folder, named like the "
+          "camera: {}",
+          some_of(names_));
+    missing(
+        "footage of the cameras: no video or folder of images is named like one of them ({}); there are images such as "
+        "{}. Where each folder is a frame, put these folders into a folder `frames`, or write `videos: "
+        "frames/{{frame}}/{{name}}.png` into a capture.yaml (docs/capture.md)",
+        some_of(names_), images.front().first_file);
   }
 
   /// Frames are the positions of images that are numbered in steps, and of the masks and keypoints in the same steps.
