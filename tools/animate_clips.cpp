@@ -23,10 +23,16 @@ MotionFileOptions motion_options(const AnimateOptions& options, const std::strin
   MotionFileOptions result;
   result.map = options.map;
   result.source_skeleton = options.source_skeleton;
-  result.source.animation = options.animation;
-  result.source.person = options.person;
-  if (!options.up.empty()) result.source.up = options.up[0];
-  if (options.unit > 0) result.source.metres_per_unit = options.unit;
+  const auto is_foreign = [&](const std::string& file) {
+    return !options.source_skeleton.empty() || is_foreign_motion(file);
+  };
+  // Options for files of other bodies do not concern the motions of the character that stand beside them.
+  if (is_foreign(motion) || std::none_of(options.motions.begin(), options.motions.end(), is_foreign)) {
+    result.source.animation = options.animation;
+    result.source.person = options.person;
+    if (!options.up.empty()) result.source.up = options.up[0];
+    if (options.unit > 0) result.source.metres_per_unit = options.unit;
+  }
   result.source.frames_per_second = rates.source;
   // The rows of the character's own motion are read as they are. A loop needs frames at the times of the result.
   const bool rows_stay =

@@ -112,19 +112,26 @@ void write_result(const std::filesystem::path& out, const std::vector<Camera>& c
   } catch (const Error& error) {
     const std::string beside = folder_path(out).string() + ".yml";
     if (std::filesystem::exists(beside)) throw;
-    write(beside, cameras, "opencv");
+    try {
+      write(beside, cameras, "opencv");
+    } catch (const Error&) {
+      throw error;  // the folder or the disk is at fault
+    }
     fail("{}; the cameras were written to {} instead", error.what(), beside);
   }
 }
 
 void print_keys_to_remove(const Capture& capture) {
   const CalibrationOptions& keys = capture.calibration_options;
-  if (keys.unit.empty() && keys.up.empty()) return;
-  const char* names = keys.up.empty() ? "key `unit`" : keys.unit.empty() ? "key `up`" : "keys `unit` and `up`";
+  const bool unit = !keys.unit.empty() && keys.unit != "m", up = !keys.up.empty() && keys.up != "+y";
+  if (!unit && !up) return;
   std::printf(
-      "note: the capture's %s would change how this file is read, which is in metres with y up. Remove it from the "
-      "capture when you name this file there, or use `doppel capture amend --calibration`, which removes it\n",
-      names);
+      "note: the capture's %s would change how this file is read, which is in metres with y up. Remove %s from the "
+      "capture when you name this file there, or use `doppel capture amend --calibration`, which does so\n",
+      !up     ? "key `unit`"
+      : !unit ? "key `up`"
+              : "keys `unit` and `up`",
+      unit && up ? "them" : "it");
 }
 
 std::filesystem::path folder_of(const Capture& capture) {

@@ -257,8 +257,7 @@ void leave_out_unmeasurable(const Subject& subject, const Dataset& dataset, cons
     if (!other.empty()) leave_out(protocol, split, "vertex error and other figures of the true surface: " + other);
     if (options.flicker && !has_flicker(dataset, split, options))
       leave_out(protocol, split,
-                "flicker: no two consecutive frames show the person in the compared cameras, of which the later one "
-                "is evaluated");
+                "flicker: no evaluated frame has a frame before it in which a compared camera shows the person, too");
   }
 }
 

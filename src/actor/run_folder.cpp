@@ -27,6 +27,12 @@ const std::set<std::string> kFreeKeys = {
     "capture",         "data.workers",     "train.max_minutes",  "train.checkpoint_every",
     "train.keep_last", "train.keep_every", "train.images_every", "train.pictures_every"};
 
+/// Whether a text is a number by its value: not a name such as "007", nor a seed that no double holds.
+bool is_by_value(const std::string& text) {
+  const bool whole = text.find_first_not_of("0123456789") == std::string::npos;
+  return !whole || (text.size() <= 15 && (text.size() == 1 || text[0] != '0'));
+}
+
 /// A value as text; numbers that are equal have the same one.
 std::string canonical(const YAML::Node& node) {
   if (node.IsSequence()) {
@@ -34,8 +40,15 @@ std::string canonical(const YAML::Node& node) {
     for (const YAML::Node& item : node) items += (items.empty() ? "" : ", ") + canonical(item);
     return "[" + items + "]";
   }
-  if (node.IsScalar())
+  if (node.IsMap()) {
+    std::string items;
+    for (const auto& item : node)
+      items += fmt::format("{}{}: {}", items.empty() ? "" : ", ", item.first.as<std::string>(), canonical(item.second));
+    return "{" + items + "}";
+  }
+  if (node.IsScalar() && is_by_value(node.Scalar()))
     if (const std::optional<double> number = parse_number(node.Scalar())) return fmt::format("{}", *number);
+  if (node.IsScalar() && node.Scalar().find(',') != std::string::npos) return "\"" + node.Scalar() + "\"";
   YAML::Emitter emitter;
   emitter << YAML::Flow << node;
   return emitter.c_str();

@@ -123,8 +123,11 @@ void warn_of_other_networks(const TrainedActor& actor, const std::string& name, 
     const std::size_t at = identity.find(network + " ", std::min(identity.find(", on "), identity.size()));
     if (at == std::string::npos) return;
     if (identity.compare(at + network.size() + 1, 8, fmt::format("{:08x}", weights_checksum(module))) == 0) return;
-    log::warn("{}: {} was trained on another {} than the present one, which was trained again since; train {} again",
-              run.string(), name, network, name);
+    log::warn(
+        "{}: {} was trained on another {} than this one, which was trained again since or is that of another run; "
+        "train "
+        "{} again",
+        run.string(), name, network, name);
   };
   check("egnet", *actor.egnet);
   if (actor.deltanet) check("deltanet", *actor.deltanet);

@@ -32,8 +32,8 @@ std::string text_of_override(const std::string& value);
 class ConfigReader;
 class ConfigDocument {
  public:
-  /// @param overrides `a.b=c` each, applied in order; c is YAML, but for a number sign, which begins no comment. A key
-  /// that the file does not hold is added.
+  /// @param overrides `a.b=c` each, applied in order; c is YAML, but a number sign within a text without quotes begins
+  /// no comment. A key that the file does not hold is added.
   /// @throws FileError (file:line) for bad YAML; UsageError for an override without `=`.
   static ConfigDocument load(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
   static ConfigDocument parse(const std::string& text, const std::string& name,

@@ -181,7 +181,7 @@ class Adaptation {
     const auto studio = find_stage(options_.run, kind);
     load_evaluation_weights(stage.model(), studio->checkpoint);
     for (torch::Tensor& parameter : stage.model().parameters()) parameter.requires_grad_(true);
-    trainer.keep_start = trainer.keep_weights = true;
+    trainer.keep_start = true;
     folder(kind).open(stage_config(kind).resolved(), RunMode::automatic);
     if (Trainer(stage, trainer, folder(kind)).run().reason == StopReason::interrupted)
       fail("stopped while adapting {}; run the same command again to resume", kind);

@@ -73,8 +73,8 @@ class Stage {
   virtual std::string identity() const = 0;
   /// A checksum of the data. A run does not resume from a checkpoint with another one. Empty: there is no data.
   virtual std::string content() const { return {}; }
-  /// Called before the first step of a run that does not resume: loads the weights that training starts from, if the
-  /// configuration names any.
+  /// Loads the weights that training starts from, if the configuration names any. Not called for a run that resumes.
+  /// @throws Error when they cannot be read
   virtual void begin() {}
   /// The cameras of the data by their index, which checkpoints name.
   virtual std::vector<std::string> camera_names() const { return {}; }

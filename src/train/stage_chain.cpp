@@ -23,6 +23,66 @@ bool contains(const std::vector<std::string>& words, const std::string& word) {
   return std::find(words.begin(), words.end(), word) != words.end();
 }
 
+/// @throws UsageError when the chain takes a stage from its own folder
+void check_borrowed_folders(const StageChain& chain, const fs::path& out) {
+  const ConfigReader root = chain.document().root();
+  const auto check = [&](const ConfigReader& reader, const std::string& key, const std::string& name) {
+    if (fs::weakly_canonical(reader.path(key)) == fs::weakly_canonical(fs::absolute(out)))
+      fail<UsageError>("--out {}: `{}` names this folder itself; give the new stages another --out", out.string(),
+                       name);
+  };
+  if (root.has(kDdcKey)) check(root, kDdcKey, kDdcKey);
+  for (const StageEntry& entry : stage_table())
+    if (chain.borrowed(entry.name) && root.has(entry.name)) check(root.section(entry.name), "run", entry.name + ".run");
+}
+
+/// The config.yaml of a chain. Unless a stage has begun under it, or all are done, the one before comes back when this
+/// object goes: a command that is refused leaves the run as it was.
+class ChainConfig {
+ public:
+  ChainConfig(const StageChain& chain, const fs::path& out) : file_(RunFolder(out).config()) {
+    if (fs::exists(file_)) before_ = read_file(file_);
+    open_chain_folder(out, chain.document().resolved());
+  }
+  ChainConfig(const ChainConfig&) = delete;
+  ChainConfig& operator=(const ChainConfig&) = delete;
+  ~ChainConfig() {
+    if (accepted_) return;
+    try {
+      if (before_)
+        write_atomically(file_, *before_);
+      else
+        fs::remove(file_);
+    } catch (const std::exception& e) {
+      log::warn("{}: the configuration of before could not be written back: {}", file_.string(), e.what());
+    }
+  }
+  void accept() { accepted_ = true; }
+
+ private:
+  fs::path file_;
+  std::optional<std::string> before_;
+  bool accepted_ = false;
+};
+
+/// The configuration of a stage as in its own folder.
+std::string resolved_stage(const ConfigDocument& document, const std::string& stage) {
+  return (document.root().has("stage") ? "" : fmt::format("stage: {}\n", stage)) + document.resolved();
+}
+
+/// @throws UsageError when a stage that this one builds on has no checkpoint
+void check_earlier_stages(const StageChain& chain, const StageEntry& entry, const fs::path& out) {
+  for (const std::string& earlier : entry.after) {
+    const fs::path folder = stage_folder(out, earlier);
+    if (!CheckpointFolder(RunFolder(folder).checkpoints()).steps().empty()) continue;
+    if (chain.borrowed(earlier))
+      fail<UsageError>("{} builds on {}, and {}, which the configuration names for it, holds no checkpoint of {}",
+                       entry.name, earlier, folder.string(), earlier);
+    fail("{} has no checkpoint of {} yet; train it first, or take another run's: --set '{}={{run: RUN}}'", out.string(),
+         earlier, earlier);
+  }
+}
+
 }  // namespace
 
 StageChain StageChain::read(const ConfigDocument& document) {
@@ -93,60 +153,6 @@ fs::path StageChain::capture() const {
   return RunSubject::read(document_, root, name_).capture;
 }
 
-/// @throws UsageError when the chain takes a stage from its own folder
-void check_borrowed_folders(const StageChain& chain, const fs::path& out) {
-  const ConfigReader root = chain.document().root();
-  const auto check = [&](const ConfigReader& reader, const std::string& key, const std::string& name) {
-    if (fs::weakly_canonical(reader.path(key)) == fs::weakly_canonical(fs::absolute(out)))
-      fail<UsageError>("--out {}: `{}` names this folder itself; give the new stages another --out", out.string(),
-                       name);
-  };
-  if (root.has(kDdcKey)) check(root, kDdcKey, kDdcKey);
-  for (const StageEntry& entry : stage_table())
-    if (chain.borrowed(entry.name) && root.has(entry.name)) check(root.section(entry.name), "run", entry.name + ".run");
-}
-
-/// The config.yaml of a chain. Until a stage has accepted it, the one before comes back when this object goes.
-class ChainConfig {
- public:
-  ChainConfig(const StageChain& chain, const fs::path& out) : file_(RunFolder(out).config()) {
-    if (fs::exists(file_)) before_ = read_file(file_);
-    open_chain_folder(out, chain.document().resolved());
-  }
-  ChainConfig(const ChainConfig&) = delete;
-  ChainConfig& operator=(const ChainConfig&) = delete;
-  ~ChainConfig() {
-    if (accepted_) return;
-    try {
-      if (before_)
-        write_atomically(file_, *before_);
-      else
-        fs::remove(file_);
-    } catch (const std::exception& e) {
-      log::warn("{}: the configuration of before could not be written back: {}", file_.string(), e.what());
-    }
-  }
-  void accept() { accepted_ = true; }
-
- private:
-  fs::path file_;
-  std::optional<std::string> before_;
-  bool accepted_ = false;
-};
-
-/// @throws UsageError when a stage that this one builds on has no checkpoint
-void check_earlier_stages(const StageChain& chain, const StageEntry& entry, const fs::path& out) {
-  for (const std::string& earlier : entry.after) {
-    const fs::path folder = stage_folder(out, earlier);
-    if (!CheckpointFolder(RunFolder(folder).checkpoints()).steps().empty()) continue;
-    if (chain.borrowed(earlier))
-      fail<UsageError>("{} builds on {}, and {}, which the configuration names for it, holds no checkpoint of {}",
-                       entry.name, earlier, folder.string(), earlier);
-    fail("{} has no checkpoint of {} yet; train it first, or take another run's: --set '{}={{run: RUN}}'", out.string(),
-         earlier, earlier);
-  }
-}
-
 void open_chain_folder(const fs::path& out, const std::string& text) {
   const fs::path config = RunFolder(out).config();
   if (fs::exists(out) && !fs::is_directory(out))
@@ -166,12 +172,6 @@ std::vector<StageSummary> train_stages(const StageChain& chain, const fs::path& 
   std::optional<FolderLock> lock;
   if (writes) lock.emplace(out);
   check_borrowed_folders(chain, out);
-  std::optional<ChainConfig> config;
-  if (writes && !chain.single()) config.emplace(chain, out);
-  const auto wait_for_files = [&] {  // of rank 0
-    if (options.ranks) options.ranks->broadcast(std::string("written"));
-  };
-  wait_for_files();
   const auto folder_of = [&](const StageEntry& entry) { return RunFolder(chain.single() ? out : out / entry.name); };
   const auto is_wanted = [&](const StageEntry& entry) {
     return (options.stages.empty() ? chain.has(entry.name) : contains(options.stages, entry.name)) &&
@@ -181,24 +181,34 @@ std::vector<StageSummary> train_stages(const StageChain& chain, const fs::path& 
   const bool any_begun = std::any_of(stage_table().begin(), stage_table().end(), [&](const StageEntry& entry) {
     return is_wanted(entry) && !CheckpointFolder(folder_of(entry).checkpoints()).steps().empty();
   });
+  const RunMode mode = options.mode == RunMode::resume && any_begun ? RunMode::automatic : options.mode;
+  if (writes)
+    for (const StageEntry& entry : stage_table())
+      if (is_wanted(entry)) folder_of(entry).check(resolved_stage(chain.stage(entry.name), entry.name), mode);
+  std::optional<ChainConfig> config;
+  if (writes && !chain.single()) config.emplace(chain, out);
+  const auto accept = [&] {
+    if (config) config->accept();
+  };
+  const auto wait_for_files = [&] {  // of rank 0
+    if (options.ranks) options.ranks->broadcast(std::string("written"));
+  };
+  wait_for_files();
   std::vector<StageSummary> summaries;
   for (const StageEntry& entry : stage_table()) {
     if (!is_wanted(entry)) continue;
     check_earlier_stages(chain, entry, out);
     const RunFolder folder = folder_of(entry);
-    const RunMode mode = options.mode == RunMode::resume && any_begun ? RunMode::automatic : options.mode;
     if (!chain.single()) log::info("stage {}", entry.name);
     const ConfigDocument document = chain.stage(entry.name);
-    const std::string head = document.root().has("stage") ? "" : fmt::format("stage: {}\n", entry.name);
-    const auto accept = [&] {
-      if (config) config->accept();
-    };
-    summaries.push_back(
-        {entry.name, entry.train({document, head + document.resolved(), out, folder, mode, options.ranks, accept})});
+    const std::string resolved = resolved_stage(document, entry.name);
+    summaries.push_back({entry.name, entry.train({document, resolved, out, folder, mode, options.ranks, accept})});
+    if (summaries.back().summary.step > summaries.back().summary.resumed_at) accept();
     if (writes) write_run_report(out);
     wait_for_files();
     if (summaries.back().summary.reason == StopReason::interrupted) break;
   }
+  accept();
   return summaries;
 }
 

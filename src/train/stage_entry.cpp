@@ -2,15 +2,18 @@
 
 namespace doppel {
 
-void open_folder(const StageTask& task, const Stage& stage) {
+void open_folder(const StageTask& task, Stage& stage) {
   const bool several = task.ranks && task.ranks->several();
   if (!several || task.ranks->is_first()) {
     task.folder.check(task.resolved, task.mode);
-    if (task.mode != RunMode::overwrite)
-      if (const auto found = CheckpointFolder(task.folder.checkpoints()).load_latest())
-        check_same_data(found->second, stage, task.folder.path());
+    std::optional<std::pair<std::int64_t, Checkpoint>> found;
+    if (task.mode != RunMode::overwrite) found = CheckpointFolder(task.folder.checkpoints()).load_latest();
+    if (found)
+      check_same_data(found->second, stage, task.folder.path());
+    else
+      stage.begin();  // of several ranks, the others get the weights of this one
     task.folder.open(task.resolved, task.mode);
-    if (task.accepted) task.accepted();
+    if (!found && task.begins) task.begins();
   }
   if (several) task.ranks->check_same("the configuration", task.resolved);
 }

@@ -21,8 +21,8 @@ struct StageTask {
   std::filesystem::path run;       ///< the run with the earlier stages
   const RunFolder& folder;         ///< the folder of this stage
   RunMode mode = RunMode::automatic;
-  Ranks* ranks = nullptr;          ///< that train together; null: this process alone
-  std::function<void()> accepted;  ///< called once the folder of the stage has accepted the configuration; may be empty
+  Ranks* ranks = nullptr;        ///< that train together; null: this process alone
+  std::function<void()> begins;  ///< called when the stage is about to take its first step; may be empty
 };
 
 /// One kind of stage. The files of a stage define its entry; `stage_table.h` lists all entries.
@@ -39,10 +39,11 @@ struct StageEntry {
   void (*evaluate)(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows) = nullptr;
 };
 
-/// Opens the run folder. Of several ranks, only rank 0 writes it; the others wait, and compare their configuration.
+/// Opens the run folder; if no run is resumed, the stage begins first (Stage::begin). Of several ranks, only rank 0
+/// writes it; the others wait, and compare their configuration.
 /// @throws UsageError as RunFolder::open, or when the folder's checkpoint is of other data; the folder is then
 /// unchanged
-void open_folder(const StageTask& task, const Stage& stage);
+void open_folder(const StageTask& task, Stage& stage);
 
 /// Trains a stage that begins a chain and needs only the character.
 template <typename StageType, typename Config>

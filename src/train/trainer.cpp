@@ -97,8 +97,9 @@ void check_same_data(const Checkpoint& checkpoint, const Stage& stage, const std
   // Checkpoints of before 0.1.0 have none.
   if (checkpoint.has_text("content") && checkpoint.text("content") != stage.content())
     fail<UsageError>(
-        "{} was trained on another recording of the same name ({}): its motion, cameras, masks or images are not those "
-        "of now. Use the same capture, another --out, or --overwrite.",
+        "{} was trained on another recording of the same name ({}), or on the same one prepared with another mask "
+        "size: "
+        "its motion, cameras or masks are not those of now. Use the same capture, another --out, or --overwrite.",
         run.string(), now);
 }
 
@@ -205,7 +206,6 @@ std::optional<std::pair<std::int64_t, Checkpoint>> Trainer::find_checkpoint() {
 void Trainer::resume() {
   stage_.model().train();
   auto found = find_checkpoint();
-  if (!found && !options_.keep_weights) stage_.begin();
   if (!found) return;
   const Checkpoint& checkpoint = found->second;
   check_same_data(checkpoint, stage_, run_.path());

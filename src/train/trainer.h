@@ -30,9 +30,8 @@ struct TrainerOptions {
   std::int64_t keep_every = 0;          ///< also keep the checkpoints of steps divisible by this; 0: none
   std::int64_t images_every = 0;        ///< steps between two sets of images; 0: images at the end only
   double max_minutes = 0.0;             ///< limit of the training time, summed over all sessions; 0: no limit
-  bool keep_best = false;     ///< keep the checkpoint with the smallest validation loss too, and use this one later
-  bool keep_start = false;    ///< write a checkpoint before the first step too; not a configuration key
-  bool keep_weights = false;  ///< begin with the weights that the model has: without Stage::begin; not a key
+  bool keep_best = false;   ///< keep the checkpoint with the smallest validation loss too, and use this one later
+  bool keep_start = false;  ///< write a checkpoint before the first step too; not a configuration key
 };
 /// The keys of the section `train`.
 void describe_keys(const Keys& keys, TrainerOptions& options);

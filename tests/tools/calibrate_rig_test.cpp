@@ -126,10 +126,10 @@ TEST_F(CalibrateRig, RefineSaysWhichKeysWouldChangeItsResult) {
   support::FilmOptions options;
   options.frames = 60;
   write(cameras, cameras, options);
-  std::ofstream(path("capture.yaml"), std::ios::app) << "unit: m\nup: +y\n";
+  std::ofstream(path("capture.yaml"), std::ios::app) << "unit: m\nup: +z\n";
   const Outcome found = run_words({"calibrate", "refine", path("capture.yaml"), "--points-only"});
   ASSERT_EQ(found.code, 0) << found.err;
-  EXPECT_THAT(found.out, AllOf(HasSubstr("keys `unit` and `up`"), HasSubstr("capture amend --calibration")));
+  EXPECT_THAT(found.out, AllOf(HasSubstr("key `up` would change"), HasSubstr("capture amend --calibration")));
 }
 
 TEST_F(CalibrateRig, RefineRefusesBeforeItWorks) {

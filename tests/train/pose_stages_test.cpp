@@ -3,6 +3,7 @@
 
 #include "doppel/actor/checkpoint.h"
 #include "doppel/actor/trained_pose.h"
+#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/train/def_net_stage.h"
 #include "doppel/train/pose_net_stage.h"
@@ -116,6 +117,18 @@ TEST_F(PoseTraining, RunsBothStagesAndTheirLossesFall) {
   EXPECT_DOUBLE_EQ(metrics.back().learning_rate, 1e-4);
   for (const char* image : {"posenet/pictures/overlay-test.jpg", "defnet/pictures/overlay-test.jpg"})
     EXPECT_TRUE(fs::exists(*folder_ / "run" / image)) << image;
+}
+
+TEST_F(PoseTraining, WeightsThatCannotBeReadLeaveTheRunAsItWas) {
+  const fs::path run = *folder_ / "kept";
+  fs::copy(*folder_ / "run", run, fs::copy_options::recursive);
+  const std::string before = read_file(run / "config.yaml");
+  ChainOptions options;
+  options.mode = RunMode::overwrite;
+  EXPECT_THAT(message_of<Error>([&] { train_stages(chain({"posenet.model.pretrained=gone.pth"}), run, options); }),
+              HasSubstr("gone.pth"));
+  EXPECT_EQ(read_file(run / "config.yaml"), before);
+  EXPECT_FALSE(CheckpointFolder(RunFolder(run / "posenet").checkpoints()).steps().empty());
 }
 
 TEST_F(PoseTraining, StoppedAnywhereEqualsAnUnbrokenRunToTheBit) {

@@ -150,6 +150,9 @@ TEST_F(StageChainRejects, AnotherConfigurationAndLeavesTheRunAsItWas) {
               HasSubstr("another configuration"));
   EXPECT_EQ(config_of(run), before);
   EXPECT_EQ(config_of(run / "egnet"), of_egnet);
+  EXPECT_THAT(message_of<UsageError>([&] { train_stages(chain({"deltanet.train.learning_rate=0.5"}), run, {}); }),
+              HasSubstr("another configuration"));
+  EXPECT_EQ(config_of(run), before) << "a later stage refused";
   SmallCaptureOptions other;
   other.textured = true;
   other.thickness = 0.06;
@@ -162,6 +165,14 @@ TEST_F(StageChainRejects, AnotherConfigurationAndLeavesTheRunAsItWas) {
   EXPECT_THAT(message_of<Error>([&] { train_stages(chain({"egnet={run: " + recording.string() + "}"}), fresh, {}); }),
               HasSubstr("again"));
   EXPECT_FALSE(fs::exists(fresh / "config.yaml"));
+}
+
+TEST_F(StageChainReference, AChainOfOtherRunsAloneIsARun) {
+  std::vector<std::string> borrowed;
+  for (const std::string& stage : ddc_stages())
+    borrowed.push_back(stage + "={run: " + (*folder_ / "run").string() + "}");
+  EXPECT_TRUE(train_stages(chain(borrowed), *folder_ / "borrowed", {}).empty());
+  EXPECT_TRUE(TrainedActor::load(*folder_ / "borrowed").gaussians);
 }
 
 TEST_F(StageChainRejects, RunsThatNameThemselves) {

@@ -591,7 +591,7 @@ BoardCalibration calibrate_boards(const std::vector<BoardSightings>& sightings, 
           "no poses: images of the same number show the board at different positions, so they were not taken at the "
           "same instants");
     }
-  } else if (sightings.size() > 1) {
+  } else if (cameras.sightings.size() > 1) {
     result.notes.emplace_back("no poses: no two cameras saw the board at the same instants");
   }
   return result;

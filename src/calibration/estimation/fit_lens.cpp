@@ -25,7 +25,7 @@ using FisheyeBoards = std::vector<std::vector<cv::Point3d>>;
 using FisheyeImages = std::vector<std::vector<cv::Point2d>>;
 
 /// Where OpenCV finds the board: turn and shift for each view.
-struct BoardPlaces {
+struct ViewPoses {
   std::vector<cv::Mat> turns, shifts;
 };
 
@@ -40,14 +40,14 @@ double largest_tilt(const std::vector<cv::Mat>& turns) {
 }
 
 /// The angles between the optical axis and all corners, radians.
-std::vector<double> angles_of_corners(const std::vector<LensView>& views, const BoardPlaces& places) {
+std::vector<double> angles_of_corners(const std::vector<LensView>& views, const ViewPoses& poses) {
   std::vector<double> angles;
   for (std::size_t v = 0; v < views.size(); ++v) {
     cv::Mat rotation;
-    cv::Rodrigues(places.turns[v], rotation);
+    cv::Rodrigues(poses.turns[v], rotation);
     Eigen::Matrix3d R;
     cv::cv2eigen(rotation, R);
-    const cv::Mat& shift = places.shifts[v];
+    const cv::Mat& shift = poses.shifts[v];
     const Eigen::Vector3d t(shift.at<double>(0), shift.at<double>(1), shift.at<double>(2));
     for (const cv::Point3f& corner : views[v].board) {
       const Eigen::Vector3d seen = R * Eigen::Vector3d(corner.x, corner.y, corner.z) + t;
@@ -59,7 +59,7 @@ std::vector<double> angles_of_corners(const std::vector<LensView>& views, const 
 
 /// The standard deviation of fx by the normal equations of all corners, from which the poses of the board are
 /// eliminated. @param free coefficients of distortion that were fitted
-double focal_sigma_of_fisheye(const FisheyeBoards& boards, const BoardPlaces& places, const LensFit& fit, int free) {
+double focal_sigma_of_fisheye(const FisheyeBoards& boards, const ViewPoses& poses, const LensFit& fit, int free) {
   constexpr int kFirstOfPose = 8, kOfPose = 6;  // columns of OpenCV's jacobian: f, c, k1..k4, turn, shift, skew
   const int shared = 4 + free;
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(shared, shared);
@@ -67,7 +67,7 @@ double focal_sigma_of_fisheye(const FisheyeBoards& boards, const BoardPlaces& pl
   for (std::size_t v = 0; v < boards.size(); ++v) {
     std::vector<cv::Point2d> projected;
     cv::Mat derivatives;
-    cv::fisheye::projectPoints(boards[v], projected, places.turns[v], places.shifts[v], fit.K, fit.distortion, 0.0,
+    cv::fisheye::projectPoints(boards[v], projected, poses.turns[v], poses.shifts[v], fit.K, fit.distortion, 0.0,
                                derivatives);
     Eigen::MatrixXd jacobian;
     cv::cv2eigen(derivatives, jacobian);
@@ -91,15 +91,15 @@ LensFit fit_fisheye(const std::vector<LensView>& views, const cv::Size& size) {
     images.emplace_back(view.image.begin(), view.image.end());
   }
   LensFit fit;
-  BoardPlaces places;
+  ViewPoses poses;
   const auto calibrate = [&](int free) {
     int flags = cv::fisheye::CALIB_RECOMPUTE_EXTRINSIC | cv::fisheye::CALIB_FIX_SKEW;
     if (free < 4) flags |= cv::fisheye::CALIB_FIX_K4;
     if (free < 3) flags |= cv::fisheye::CALIB_FIX_K3;
     fit.K = fit.distortion = cv::Mat();
-    places = {};  // OpenCV refuses vectors that are not empty
-    fit.rms = cv::fisheye::calibrate(boards, images, size, fit.K, fit.distortion, places.turns, places.shifts, flags);
-    return angles_of_corners(views, places);
+    poses = {};  // OpenCV refuses vectors that are not empty
+    fit.rms = cv::fisheye::calibrate(boards, images, size, fit.K, fit.distortion, poses.turns, poses.shifts, flags);
+    return angles_of_corners(views, poses);
   };
   int free = 2;
   std::vector<double> angles = calibrate(free);
@@ -108,14 +108,14 @@ LensFit fit_fisheye(const std::vector<LensView>& views, const cv::Size& size) {
     free = reached > kMinAngleOfK4 ? 4 : 3;
     angles = calibrate(free);
   }
-  fit.tilt = largest_tilt(places.turns);
+  fit.tilt = largest_tilt(poses.turns);
   fit.largest_angle = quantile(angles, 1.0);
   for (std::size_t v = 0; v < boards.size(); ++v) {
     std::vector<cv::Point2d> projected;
-    cv::fisheye::projectPoints(boards[v], projected, places.turns[v], places.shifts[v], fit.K, fit.distortion);
+    cv::fisheye::projectPoints(boards[v], projected, poses.turns[v], poses.shifts[v], fit.K, fit.distortion);
     fit.errors.push_back(cv::norm(projected, images[v]) / std::sqrt(static_cast<double>(projected.size())));
   }
-  fit.focal_sigma = focal_sigma_of_fisheye(boards, places, fit, free);
+  fit.focal_sigma = focal_sigma_of_fisheye(boards, poses, fit, free);
   return fit;
 }
 
@@ -153,14 +153,14 @@ LensFit fit_lens(const std::vector<LensView>& views, const cv::Size& size, Lens 
     image.push_back(view.image);
   }
   LensFit fit;
-  BoardPlaces places;
+  ViewPoses poses;
   cv::Mat sigmas, pose_sigmas, errors;
   // k3 is left at 0: a few views of a flat board do not determine it, and it then bends the corners of the image.
-  fit.rms = cv::calibrateCamera(board, image, size, fit.K, fit.distortion, places.turns, places.shifts, sigmas,
+  fit.rms = cv::calibrateCamera(board, image, size, fit.K, fit.distortion, poses.turns, poses.shifts, sigmas,
                                 pose_sigmas, errors, cv::CALIB_FIX_K3);
   fit.focal_sigma = sigmas.at<double>(0);
-  fit.tilt = largest_tilt(places.turns);
-  fit.largest_angle = quantile(angles_of_corners(views, places), 1.0);
+  fit.tilt = largest_tilt(poses.turns);
+  fit.largest_angle = quantile(angles_of_corners(views, poses), 1.0);
   for (int v = 0; v < errors.rows; ++v) fit.errors.push_back(errors.at<double>(v));
   return fit;
 }

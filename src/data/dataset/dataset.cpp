@@ -1,7 +1,6 @@
 #include "doppel/data/dataset/dataset.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -179,19 +178,18 @@ std::vector<int> Dataset::camera_indices(const std::vector<std::string>& names) 
 std::uint32_t Dataset::checksum() const {
   std::uint32_t sum = 0;
   const auto add = [&](const void* data, std::size_t bytes) { sum = crc32c(data, bytes, sum); };
-  const std::array<int, 2> sizes{mask_size_, image_size_};
-  add(sizes.data(), sizeof(sizes));
   for (const PinholeCamera& camera : cameras_) {
     add(camera.K.data(), sizeof(double) * 9);
     add(camera.R.data(), sizeof(double) * 9);
     add(camera.t.data(), sizeof(double) * 3);
   }
+  std::size_t checked = 0;  // masks; the cameras take turns
   for (std::size_t s = 0; s < sequences_.size(); ++s) {
     const DatasetSequence& sequence = sequences_[s];
     for (const std::vector<double>& row : sequence.motion.frames) add(row.data(), row.size() * sizeof(double));
     const long step = std::max(1L, sequence.num_frames() / kCheckedFrames);
     for (long frame = sequence.first_frame; frame <= sequence.last_frame; frame += step) {
-      const auto camera = static_cast<int>(static_cast<std::size_t>(frame) % cameras_.size());
+      const auto camera = static_cast<int>(checked++ % cameras_.size());
       const cv::Mat mask = crop_mask({static_cast<int>(s), frame}, camera);
       add(mask.data, mask.total());
     }

@@ -110,8 +110,7 @@ class Dataset {
   /// The keypoints of a view: [M] in the order of `landmarks()`, pixels of the image without distortion.
   std::vector<Keypoint> keypoints(const SampleId& sample, int camera) const;
 
-  /// A checksum of what the capture holds: cameras, motions, the sizes of masks and images, and the masks of some
-  /// samples.
+  /// A checksum of cameras, motions and the cropped masks of some samples.
   std::uint32_t checksum() const;
 
   int mask_size() const { return mask_size_; }

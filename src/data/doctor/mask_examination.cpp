@@ -281,7 +281,7 @@ class TimeJudge {
   }
 
   bool is_mended(std::size_t c, int shift) const {
-    return footage_[c].shifted_bones.empty() || footage_[c].bones_at(shift).count == 0 ||
+    return !footage_[c].shifted_bones.empty() && footage_[c].bones_at(shift).count > 0 &&
            footage_[c].bones_at(shift).mean() >= kBonesFault;
   }
 

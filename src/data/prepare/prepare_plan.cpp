@@ -282,9 +282,9 @@ std::string describe_settings(const PreparePlan& plan, const PrepareOptions& opt
       if (clock.rate != 1.0) text += fmt::format(", {} frames per row", clock.rate);
       if (!sequence.entry.masks_from_images())
         text += ", masks " + describe_source(plan.source(sequence.entry.masks, index));
-      text += describe_empty_scene(plan, sequence.entry, index);
       if (const long offset = sequence.entry.mask_offset_of(plan.cameras[c].name); offset != 0)
         text += fmt::format(" from number {} on", offset);
+      text += describe_empty_scene(plan, sequence.entry, index);
       text += "\n";
     }
   }

@@ -95,7 +95,9 @@ bool count_frames(const Files& files, const FilesByName& names, std::size_t num_
   if (has_word(folder, kFrameWords)) return true;
   if (every([](const std::string& name) { return std::all_of(name.begin(), name.end(), is_numeral); }))
     return below_frames && num_folders > names.size();
-  if (below_frames || every([](const std::string& name) { return has_word(name, kCameraWords); })) return true;
+  if ((below_frames && num_folders > names.size()) ||
+      every([](const std::string& name) { return has_word(name, kCameraWords); }))
+    return true;
   if (repeats) return false;
   if (every([](const std::string& name) { return std::none_of(name.begin(), name.end(), is_numeral); }))
     return names.size() > 1;

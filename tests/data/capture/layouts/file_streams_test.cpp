@@ -101,13 +101,13 @@ Paths in_folders(const Paths& folders, const Paths& names) {
 }
 
 TEST(FileStreamsReference, AFolderPerFrame) {
-  const auto streams =
-      group_streams(in_folders({"frames/0007", "frames/0008"}, {"50_01.jpg", "50_02.jpg", "50_03.jpg"}));
+  const auto streams = group_streams(in_folders({"frames/0007", "frames/0008", "frames/0009", "frames/0010"},
+                                                {"50_01.jpg", "50_02.jpg", "50_03.jpg"}));
   EXPECT_EQ(paths_of(streams),
             (Paths{"frames/{frame:04}/50_01.jpg", "frames/{frame:04}/50_02.jpg", "frames/{frame:04}/50_03.jpg"}));
   EXPECT_EQ(streams[0].first_frame, 7);
-  EXPECT_EQ(streams[0].last_frame, 8);
-  EXPECT_EQ(streams[0].files, 2);
+  EXPECT_EQ(streams[0].last_frame, 10);
+  EXPECT_EQ(streams[0].files, 4);
   EXPECT_EQ(streams[0].first_file, "frames/0007/50_01.jpg");
   EXPECT_EQ(streams[0].stem(), "frames//50_01.");
   EXPECT_EQ(paths_of(group_streams(in_folders({"t/9", "t/10"}, {"cam1.png", "cam2.png"}))),
@@ -137,6 +137,8 @@ TEST(FileStreamsReference, FoldersOfCamerasAreNoFrames) {
             (Paths{"c0/c0_{frame:02}.json", "c1/c1_{frame:02}.json"}));
   EXPECT_EQ(paths_of(group_streams(in_folders({"frames/0", "frames/1"}, {"000.png", "001.png", "002.png"}))),
             (Paths{"frames/0/{frame:03}.png", "frames/1/{frame:03}.png"}));
+  EXPECT_EQ(paths_of(group_streams(in_folders({"frames/01", "frames/02"}, {"frame_1.png", "frame_2.png"}))).front(),
+            "frames/01/frame_{frame:01}.png");
   EXPECT_EQ(paths_of(group_streams(in_folders({"take1", "take2"}, {"cam1.png", "cam2.png"}))).front(),
             "take1/cam{frame:01}.png");
 }
