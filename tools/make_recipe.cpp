@@ -15,8 +15,7 @@ namespace doppel::tools {
 namespace {
 
 constexpr double kRecipeFrames = 300.0, kMaxFactor = 8.0;
-constexpr long kMinSteps = 50;       // a stage of fewer steps has no end of its schedule
-constexpr long kStepsOfWarmup = 10;  // a tenth of the steps
+constexpr long kMinSteps = 50;  // a stage of fewer steps has no end of its schedule
 
 // Where the poses are tracked, they are some pixels off. Outlines of few cameras do not show where clothes slide: the
 // recipe's EGNet would pull the surface along itself, TexNet's finer texels would blur what then disagrees, and the
@@ -62,8 +61,8 @@ std::vector<std::string> fit_recipe(const MakeRecipe& recipe, const std::map<std
     const long fitted = std::max(kMinSteps, std::lround(factor * static_cast<double>(steps)));
     words.push_back(fmt::format("{}.train.iterations={}", stage, fitted));
     // The learning rate must reach its height and fall again.
-    if (const long warmup = fitted / kStepsOfWarmup; warmup < recipe.warmup.at(stage))
-      words.push_back(fmt::format("{}.train.warmup={}", stage, warmup));
+    if (const long warmup = recipe.warmup.at(stage); warmup > 0 && fitted < steps)
+      words.push_back(fmt::format("{}.train.warmup={}", stage, warmup * fitted / steps));
   }
   return words;
 }

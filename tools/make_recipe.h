@@ -23,8 +23,7 @@ MakeRecipe make_recipe(bool tracked);
 /// How many steps of each stage fit into a time. The recipe's steps are those for 300 frames: more frames allow
 /// proportionally more, at most eight times as many. All stages are cut in the same proportion.
 /// @param seconds_per_step of each stage on this machine @param frames to train on @param budget seconds
-/// @return --set arguments, `STAGE.train.iterations=N`, and `STAGE.train.warmup=N` where the recipe's would be more
-/// than a tenth of the steps
+/// @return --set arguments, `STAGE.train.iterations=N`, and `STAGE.train.warmup=N` where the steps are cut
 std::vector<std::string> fit_recipe(const MakeRecipe& recipe, const std::map<std::string, double>& seconds_per_step,
                                     long frames, double budget);
 

@@ -1,6 +1,7 @@
 // The time that `doppel make` has, as numbers of training steps.
 #include "make_recipe.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -61,8 +62,12 @@ TEST(MakeRecipe, ShortensTheWarmUpWithTheSteps) {
     EXPECT_EQ(std::find(settings.begin(), settings.end(), setting) != settings.end(), there) << setting;
   };
   expect("egnet.train.iterations=50", true);
-  expect("egnet.train.warmup=5", true);
-  expect("deltanet.train.warmup=5", true);
+  const auto steps_of_stage = [&](const std::string& name) {
+    return std::find_if(recipe().steps.begin(), recipe().steps.end(), [&](const auto& e) { return e.first == name; })
+        ->second;
+  };
+  expect(fmt::format("egnet.train.warmup={}", 100 * 50 / steps_of_stage("egnet")), true);
+  expect(fmt::format("deltanet.train.warmup={}", 100 * 50 / steps_of_stage("deltanet")), true);
   for (const std::string& setting : fit_recipe(recipe(), every_step_takes(0.1), 300, 1e6))
     EXPECT_EQ(setting.find("warmup"), std::string::npos) << setting;
 }

@@ -179,7 +179,7 @@ TEST_F(EgNetStageReference, ValidationLossIsTheLossWithoutNoiseOnValidationFrame
   EgNetStage stage(dataset, character, c);
   stage.model().eval();
   const std::vector<int> cameras = dataset.camera_indices({});
-  EXPECT_THAT(support::message_of<UsageError>([&] { dataset.camera_indices({"0", "0"}); }), HasSubstr("named twice"));
+  EXPECT_THAT(support::message_of<UsageError>([&] { dataset.camera_indices({"c0", "c0"}); }), HasSubstr("named twice"));
   double sum = 0.0;
   for (const SampleId& sample : dataset.samples(Split::validation)) {
     Profile profile;

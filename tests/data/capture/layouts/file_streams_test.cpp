@@ -119,8 +119,8 @@ TEST(FileStreamsReference, AFolderPerFrame) {
   EXPECT_EQ(paths_of(group_streams(in_folders({"a/1", "a/2"}, {"left.png", "right.png"}))),
             (Paths{"a/{frame:01}/left.png", "a/{frame:01}/right.png"}))
       << "nothing else counts";
-  EXPECT_EQ(paths_of(group_streams(
-                {"frames/01/c1_01.json", "frames/01/c2_01.json", "frames/02/c1_02.json", "frames/02/c2_02.json"})),
+  EXPECT_EQ(paths_of(group_streams({"frames/01/c1_01.json", "frames/01/c2_01.json", "frames/02/c1_02.json",
+                                    "frames/02/c2_02.json", "frames/03/c1_03.json", "frames/03/c2_03.json"})),
             (Paths{"frames/{frame:02}/c1_{frame:02}.json", "frames/{frame:02}/c2_{frame:02}.json"}))
       << "the files repeat the number";
 }
