@@ -39,7 +39,7 @@ constexpr double kBoardKernel = 3.0;      // pixels of an image 1024 wide
 constexpr std::size_t kMinSharedViews = 1;
 constexpr double kBadFit = 3.0;        // pixels of an image 1024 wide; the middle view of a wrong board is far worse
 constexpr double kExtrapolated = 1.5;  // times the angle of the farthest corner; the image should not reach beyond
-constexpr double kLargestRoll = 20.0 * kRadiansPerDegree;  // of a camera about its axis, against the others
+constexpr double kMaxRoll = 20.0 * kRadiansPerDegree;  // of a camera about its axis, against the others
 constexpr double kMinLevel = 0.2;  // sine of the angle between a camera's axis and up, where its roll is known
 constexpr double kShareThatAgrees = 0.8, kMaxDisagreement = 6.0;  // of the corners; pixels of an image 1024 wide
 
@@ -396,7 +396,7 @@ class BoardRig {
       largest = roll;
       name = camera.name;
     }
-    if (largest > kLargestRoll)
+    if (largest > kMaxRoll)
       result_.notes.push_back(fmt::format(
           "up is uncertain: the directions that are up in the images disagree (camera {} is turned by {:.0f} "
           "degrees about its axis against their mean); give --floor, or mend it by `doppel calibrate world`",
