@@ -54,7 +54,7 @@ class ChainConfig {
       else
         fs::remove(file_);
     } catch (const std::exception& e) {
-      log::warn("{}: the configuration of before could not be written back: {}", file_.string(), e.what());
+      log::warn("{}: the earlier configuration could not be written back: {}", file_.string(), e.what());
     }
   }
   void accept() { accepted_ = true; }
