@@ -37,7 +37,7 @@ std::optional<CloudResult> evaluate_clouds(const Dataset& dataset, Split split, 
   const torch::NoGradGuard no_grad;
   const std::vector<int> cameras = dataset.camera_indices(options.cameras);
   const std::vector<SampleId> samples = evaluated_samples(dataset, split, options);
-  GroundTruth ground_truth(dataset, options);
+  GroundTruth ground_truth(dataset, options.ground_truth);
   BatchOptions wanted;
   wanted.past_frames = 0;
   wanted.images = true;

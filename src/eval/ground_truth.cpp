@@ -42,10 +42,10 @@ std::string ground_truth_of_another_character(const Dataset& dataset, const std:
   return "";
 }
 
-GroundTruth::GroundTruth(const Dataset& dataset, const EvaluationOptions& options) {
+GroundTruth::GroundTruth(const Dataset& dataset, bool wanted) {
   for (const DatasetSequence& sequence : dataset.sequences()) {
     const std::filesystem::path path = ground_truth_file(dataset, sequence);
-    paths_.push_back(options.ground_truth && std::filesystem::exists(path) ? path : std::filesystem::path());
+    paths_.push_back(wanted && std::filesystem::exists(path) ? path : std::filesystem::path());
   }
   surfaces_.resize(paths_.size());
 }

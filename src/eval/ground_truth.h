@@ -10,7 +10,6 @@
 
 #include "doppel/core/npy.h"
 #include "doppel/data/dataset/dataset.h"
-#include "doppel/eval/silhouette_overlap.h"
 
 namespace doppel {
 
@@ -27,8 +26,8 @@ std::string ground_truth_of_another_character(const Dataset& dataset, const std:
 /// motion,N,3] metres). One frame is read at a time, so the memory does not depend on the number of frames.
 class GroundTruth {
  public:
-  /// @param options without `ground_truth`: as if no sequence had ground truth
-  explicit GroundTruth(const Dataset& dataset, const EvaluationOptions& options = {});
+  /// @param wanted false: as if no sequence had ground truth
+  explicit GroundTruth(const Dataset& dataset, bool wanted = true);
 
   /// Whether the sequence of the sample has ground truth.
   bool has(const SampleId& sample) const;

@@ -151,7 +151,7 @@ class GroundTruthErrors {
         faces_(faces),
         skinned_(skinned),
         template_(character),
-        ground_truth_(dataset, options),
+        ground_truth_(dataset, options.ground_truth),
         shape_(SurfaceShape(faces, character.num_vertices(), character.labels)) {}
 
   /// Adds a frame, if its true surface is known. @param vertices [N,3]

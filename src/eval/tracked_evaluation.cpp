@@ -143,7 +143,7 @@ class TrackedEvaluation {
   }
 
   void draw_error_maps() {
-    GroundTruth ground_truth(dataset_, options_);
+    GroundTruth ground_truth(dataset_, options_.ground_truth);
     const int camera = options_.input_camera.empty() ? dataset_.camera_indices(options_.cameras).front()
                                                      : dataset_.camera_index(options_.input_camera);
     for (const SampleId& sample : samples_) {
@@ -237,7 +237,7 @@ std::string TrackedRun::other_capture(const Capture& compared) const {
 
 void check_tracked(const Dataset& dataset, const TrackedRun& tracked, Split split,
                    const TrackedEvaluationOptions& options) {
-  const GroundTruth ground_truth(dataset, options);
+  const GroundTruth ground_truth(dataset, options.ground_truth);
   for (const SampleId& sample : evaluated_samples(dataset, split, options)) {
     const std::string& name = dataset.sequences()[sample.sequence].name;
     const auto found = tracked.sequences.find(name);

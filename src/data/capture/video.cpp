@@ -9,7 +9,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/path_pattern.h"
-#include "doppel/data/capture/layouts/file_streams.h"
+#include "doppel/data/capture/layouts/file_stream.h"
 #include "doppel/data/capture/video_decoder.h"
 #include "doppel/detect/keypoints/frame_names.h"
 #include "doppel/geometry/image_file.h"

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/data/capture/layouts/file_streams.h"
+#include "doppel/data/capture/layouts/file_stream.h"
 
 namespace doppel {
 
