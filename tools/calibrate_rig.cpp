@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <set>
 
 #include "doppel/core/as_size.h"
@@ -110,12 +111,13 @@ void write_result(const std::filesystem::path& out, const std::vector<Camera>& c
   try {
     write(out, cameras, format);
   } catch (const Error& error) {
+    const std::exception_ptr first = std::current_exception();
     const std::string beside = folder_path(out).string() + ".yml";
     if (std::filesystem::exists(beside)) throw;
     try {
       write(beside, cameras, "opencv");
     } catch (const Error&) {
-      throw error;  // the folder or the disk is at fault
+      std::rethrow_exception(first);  // the folder or the disk is at fault
     }
     fail("{}; the cameras were written to {} instead", error.what(), beside);
   }

@@ -115,23 +115,36 @@ constexpr ActorPart kActorParts[] = {{"lighting", load_lighting}, {"deltanet", l
                                      {"texnet", load_tex_net},    {"gaussians", load_gaussians},
                                      {"radiance", load_radiance}, {"nerf", load_nerf}};
 
-/// Warns where a stage was trained on another EGNet or DeltaNet than that of the actor: one of them was trained again.
-void warn_of_other_networks(const TrainedActor& actor, const std::string& name, const StoredStage& stage,
-                            const fs::path& run) {
-  const std::string identity = stage.checkpoint.text("identity");
-  const auto check = [&](const std::string& network, const torch::nn::Module& module) {
+/// Compares the EGNet and the DeltaNet of an actor with those that its later stages were trained on. The checksum of
+/// each is computed once.
+class EarlierNetworks {
+ public:
+  EarlierNetworks(const TrainedActor& actor, const fs::path& run) : actor_(actor), run_(run) {}
+
+  /// Warns where a stage was trained on another network than that of the actor.
+  void compare(const std::string& name, const StoredStage& stage) {
+    const std::string identity = stage.checkpoint.text("identity");
+    compare(name, identity, "egnet", *actor_.egnet);
+    if (actor_.deltanet) compare(name, identity, "deltanet", *actor_.deltanet);
+  }
+
+ private:
+  void compare(const std::string& name, const std::string& identity, const std::string& network,
+               const torch::nn::Module& module) {
     const std::size_t at = identity.find(network + " ", std::min(identity.find(", on "), identity.size()));
     if (at == std::string::npos) return;
-    if (identity.compare(at + network.size() + 1, 8, fmt::format("{:08x}", weights_checksum(module))) == 0) return;
+    const auto [entry, is_new] = sums_.try_emplace(network);
+    if (is_new) entry->second = fmt::format("{:08x}", weights_checksum(module));
+    if (identity.compare(at + network.size() + 1, entry->second.size(), entry->second) == 0) return;
     log::warn(
-        "{}: {} was trained on another {} than this one, which was trained again since or is that of another run; "
-        "train "
-        "{} again",
-        run.string(), name, network, name);
-  };
-  check("egnet", *actor.egnet);
-  if (actor.deltanet) check("deltanet", *actor.deltanet);
-}
+        "{}: {} was trained on another {} than the run has now (trained again, or of another run); train {} again",
+        run_.string(), name, network, name);
+  }
+
+  const TrainedActor& actor_;
+  const fs::path& run_;
+  std::map<std::string, std::string> sums_;  ///< by network
+};
 
 /// For frames one by one. The weights of a loaded actor do not change.
 void freeze_networks(TrainedActor& actor) {
@@ -174,11 +187,12 @@ TrainedActor TrainedActor::load(const fs::path& run, const std::optional<fs::pat
   load_egnet(actor, *egnet_stage, run, subject.capture);
   actor.subject.validation = subject.validation;
   actor.steps["egnet"] = egnet_stage->step;
+  EarlierNetworks earlier(actor, run);
   for (const ActorPart& part : kActorParts) {
     if (before == part.stage) break;
     const auto stage = find_stage(run, part.stage);
     if (!stage) continue;
-    warn_of_other_networks(actor, part.stage, *stage, run);
+    earlier.compare(part.stage, *stage);
     part.load(actor, *stage);
     actor.steps[part.stage] = stage->step;
   }

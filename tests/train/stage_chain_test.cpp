@@ -175,6 +175,22 @@ TEST_F(StageChainReference, AChainOfOtherRunsAloneIsARun) {
   EXPECT_TRUE(TrainedActor::load(*folder_ / "borrowed").gaussians);
 }
 
+TEST_F(StageChainReference, AnEgNetThatWasTrainedAgainIsAWarning) {
+  const fs::path run = *folder_ / "again_trained";
+  fs::copy(*folder_ / "run", run, fs::copy_options::recursive);
+  const auto warning = [&] {
+    ::testing::internal::CaptureStdout();  // where the logger of tests writes
+    TrainedActor::load(run);
+    return ::testing::internal::GetCapturedStdout();
+  };
+  EXPECT_THAT(warning(), ::testing::Not(HasSubstr("was trained on another")));
+  ChainOptions options;
+  options.stages = {"egnet"};
+  options.mode = RunMode::overwrite;
+  train_stages(chain({"egnet.train.iterations=3"}), run, options);
+  EXPECT_THAT(warning(), HasSubstr("deltanet was trained on another egnet"));
+}
+
 TEST_F(StageChainRejects, RunsThatNameThemselves) {
   const fs::path run = *folder_ / "run";
   EXPECT_THAT(message_of<UsageError>([&] { train_stages(chain({"egnet={run: " + run.string() + "}"}), run, {}); }),

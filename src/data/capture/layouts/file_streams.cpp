@@ -57,7 +57,7 @@ bool numbers_cameras(const CutPath& file, std::size_t column) {
   std::size_t begin = end + 1;
   while (begin > 0 && std::isalpha(static_cast<unsigned char>(text[begin - 1]))) --begin;
   const std::string word = end == std::string::npos ? "" : text.substr(begin, end + 1 - begin);
-  return word == "cam" || word == "camera" || word == "view" || word == "kamera";
+  return is_camera_word(word);
 }
 
 /// The column of digits that counts the frames, if any column varies: that with most values, and one that numbers the

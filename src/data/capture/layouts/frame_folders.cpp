@@ -70,7 +70,10 @@ bool has_word(const std::string& text, const std::set<std::string>& wanted) {
   return std::any_of(words.begin(), words.end(), [&](const NameWord& word) { return wanted.contains(word.text); });
 }
 
-const std::set<std::string> kCameraWords{"cam", "camera", "view", "kamera"};
+bool has_camera_word(const std::string& text) {
+  const std::vector<NameWord> words = words_of(text);
+  return std::any_of(words.begin(), words.end(), [](const NameWord& word) { return is_camera_word(word.text); });
+}
 
 /// Whether most folders hold files of all these names.
 bool are_in_most(const FilesByName& names, std::size_t num_folders) {
@@ -82,10 +85,11 @@ bool are_in_most(const FilesByName& names, std::size_t num_folders) {
 /// @param repeats whether the names repeat the number of their folder
 bool count_frames(const Files& files, const FilesByName& names, std::size_t num_folders, bool repeats) {
   static const std::set<std::string> kFrameWords{"frame", "frames"},
-      kNoFrameWords{"c", "cam", "camera", "view", "kamera", "take", "trial", "session", "scene"};
+      kNoFrameWords{"c", "take", "trial", "session", "scene"};
   const std::vector<std::string> parts = path_parts(files.front().path);
   const std::string &folder = parts[parts.size() - 2], above = parts.size() > 2 ? parts[parts.size() - 3] : "";
-  if (num_folders < 2 || !are_in_most(names, num_folders) || has_word(folder, kNoFrameWords)) return false;
+  if (num_folders < 2 || !are_in_most(names, num_folders)) return false;
+  if (has_word(folder, kNoFrameWords) || has_camera_word(folder)) return false;
   const auto every = [&](auto holds) {
     return std::all_of(names.begin(), names.end(), [&](const auto& entry) {
       return holds(entry.first.substr(0, std::min(entry.first.rfind('.'), entry.first.find("{frame"))));
@@ -96,7 +100,7 @@ bool count_frames(const Files& files, const FilesByName& names, std::size_t num_
   if (every([](const std::string& name) { return std::all_of(name.begin(), name.end(), is_numeral); }))
     return below_frames && num_folders > names.size();
   if ((below_frames && num_folders > names.size()) ||
-      every([](const std::string& name) { return has_word(name, kCameraWords); }))
+      every([](const std::string& name) { return has_camera_word(name); }))
     return true;
   if (repeats) return false;
   if (every([](const std::string& name) { return std::none_of(name.begin(), name.end(), is_numeral); }))

@@ -287,7 +287,7 @@ class Guesser {
   }
 
   void set_first_frame(const SequenceFiles& sequence, SequenceEntry& entry) {
-    tell_positions(sequence, entry.name);
+    tell_numbering(sequence, entry.name);
     long first = 0, last = std::numeric_limits<long>::max(), shortest = last, longest = 0;
     for (const auto& [camera, stream] : sequence.by_camera) {
       first = std::max(first, stream.first_frame);
@@ -317,7 +317,7 @@ class Guesser {
         entry.name, numbers);
   }
 
-  void tell_positions(const SequenceFiles& sequence, const std::string& name) {
+  void tell_numbering(const SequenceFiles& sequence, const std::string& name) {
     for (const auto& [camera, stream] : sequence.by_camera) {
       if (stream.by_position && stream.step > 1)
         return found(

@@ -105,6 +105,10 @@ std::string folder_of(const std::string& path) {
   return slash == std::string::npos ? "" : path.substr(0, slash);
 }
 
+bool is_camera_word(const std::string& word) {
+  return word == "cam" || word == "camera" || word == "view" || word == "kamera";
+}
+
 FileRole role_of_file(const std::string& path, const std::vector<std::string>& cameras) {
   std::vector<NameWord> words = words_of(path);
   const auto same = [](const NameWord& a, const NameWord& b) { return a.text == b.text; };

@@ -33,6 +33,9 @@ std::vector<std::string> path_parts(std::string_view path);
 /// The folder of a path; empty when there is no slash.
 std::string folder_of(const std::string& path);
 
+/// Whether a word in small letters stands before the number of a camera: "cam" of "cam_3".
+bool is_camera_word(const std::string& word);
+
 /// What files are for, by the words in their paths.
 enum class FileRole {
   footage,
